@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from qlvbayes.io.files import write_whole
 from qlvbayes.plots.style import style
 
 # Neither date nor program, so that a repeated run gives the same file.
@@ -70,9 +71,6 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _write(figure: Figure, path: Path, suffix: str) -> None:
-    part = path.with_name(f"{path.name}.{suffix}.part")
-    try:
-        figure.savefig(part, format=suffix, metadata=_METADATA[suffix])
-        os.replace(part, path.with_name(f"{path.name}.{suffix}"))
-    finally:
-        part.unlink(missing_ok=True)
+    drawn = BytesIO()
+    figure.savefig(drawn, format=suffix, metadata=_METADATA[suffix])
+    write_whole(path.with_name(f"{path.name}.{suffix}"), drawn.getbuffer())

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.files import write_whole
 
 from .constants import Constants
 from .creep import creep_study
@@ -50,7 +51,7 @@ def write_csv(
     content = ("\n".join(lines) + "\n").encode()
     if path.suffix == ".gz":
         content = gzip.compress(content, mtime=0)
-    _write_whole(path, content)
+    _write(path, content)
 
 
 def simulate_file(
@@ -112,16 +113,13 @@ def _write_answer(
         "seed": seed,
     }
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    _write_whole(Path(path), text.encode())
+    _write(Path(path), text.encode())
 
 
-def _write_whole(path: Path, content: bytes) -> None:
-    part = path.with_name(path.name + ".part")
+def _write(path: Path, content: bytes) -> None:
     try:
-        part.write_bytes(content)
-        part.replace(path)
+        write_whole(path, content)
     except OSError as error:
-        part.unlink(missing_ok=True)
         raise InputError(
             f"cannot be written ({error.strerror})", file=path, remedy="choose another place"
         ) from error

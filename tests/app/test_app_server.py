@@ -5,8 +5,6 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -19,8 +17,9 @@ for needed in ("starlette", "uvicorn", "python_multipart"):
     pytest.importorskip(needed, reason=f"no {needed}: bench not served")
 httpx = pytest.importorskip("httpx", reason="no httpx: bench not asked")
 
+from support.endtoend import two_tests  # noqa: E402
 from support.machine_files import CORPUS  # noqa: E402
-from support.two_tests import two_tests  # noqa: E402
+from support.running_app import running_app  # noqa: E402
 
 import qlvbayes as q  # noqa: E402
 from qlvbayes.app.sessions import BenchPad, Sessions  # noqa: E402
@@ -30,7 +29,6 @@ from qlvbayes.io.files import DESCRIBED  # noqa: E402
 from qlvbayes.io.units import PAD  # noqa: E402
 
 pytestmark = pytest.mark.integration
-RUN = [sys.executable, "-c", "from qlvbayes.cli.main import run; run()"]
 PATIENCE = 300.0  # s that a step may take on a machine that does other work too
 PLAIN = {"elastic": "exponential", "relaxation": "prony:2", "effects": []}
 BROKEN = "time_s,displacement_mm,force_N\n0,0,0\n0.1,0.1,0.1\n0.05,0.2,0.2\n0.3,0.3,0.3\n"
@@ -41,9 +39,9 @@ LINUX = pytest.mark.skipif(not PROC.is_dir(), reason="looks into /proc")
 class Served:
     """A server that runs as the command, and a client with its token."""
 
-    def __init__(self, process, address, sessions):
-        place = urlsplit(address)
-        self.process, self.address, self.sessions = process, address, sessions
+    def __init__(self, app, sessions):
+        place = urlsplit(app.address)
+        self.app, self.process, self.sessions = app, app.process, sessions
         self.token = parse_qs(place.query)["token"][0]
         self.base = f"http://{place.netloc}"
         headers = {"Authorization": f"Bearer {self.token}", "X-Qlvbayes": "1"}
@@ -52,7 +50,7 @@ class Served:
     @contextlib.contextmanager
     def another_client(self):
         """The same server, asked over connections of one's own."""
-        other = Served(self.process, self.address, self.sessions)
+        other = Served(self.app, self.sessions)
         with other.client:
             yield other
 
@@ -76,7 +74,7 @@ class Served:
 
     def children(self, module):
         """Process ids of the server's workers that answer the calls of a module."""
-        task = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        task = Path(f"/proc/{self.process}/task/{self.process}/children")
         found = set()
         for number in task.read_text().split():
             with contextlib.suppress(OSError):  # gone
@@ -100,18 +98,13 @@ def wait_for(ask, enough):
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
     sessions = tmp_path_factory.mktemp("sessions")
-    line = [*RUN, "app", "--no-browser", "--sessions", str(sessions)]
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        address = next(filter(None, (re.search(r"http\S+", text) for text in process.stdout)))[0]
-        running = Served(process, address, sessions)
+    with running_app(sessions) as app:
+        running = Served(app, sessions)
         yield running
         running.client.close()
         modules = ("computations", "steps") if PROC.is_dir() else ()
         started = {number for module in modules for number in running.children(module)}
-        process.terminate()
-        process.communicate(timeout=PATIENCE)
-        assert not any((PROC / str(number)).exists() for number in started)
+    assert not any((PROC / str(number)).exists() for number in started)
 
 
 @pytest.fixture(scope="module")
@@ -330,7 +323,7 @@ def test_a_described_law_can_be_added(served, two):
 
 @LINUX
 def test_the_server_itself_never_loads_jax(served, opened):
-    assert "jax" not in Path(f"/proc/{served.process.pid}/maps").read_text()
+    assert "jax" not in Path(f"/proc/{served.process}/maps").read_text()
     (worker,) = served.children("computations")
     assert "jaxlib" in Path(f"/proc/{worker}/maps").read_text()
 

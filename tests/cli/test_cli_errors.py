@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -11,21 +12,12 @@ import time
 from pathlib import Path
 
 import pytest
-from support.endtoend import COMMAND, PADS, call, environment, one_line, read_json, with_tests
+from support.endtoend import COMMAND, PADS, call, environment, one_line, read_json
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import alone_in, results_folder, write_json, write_whole
 
 QUICK = ("--pads", "B", "--method", "least-squares")
-
-
-@pytest.fixture(scope="module")
-def fitted_folder(tmp_path_factory):
-    """A fit whose data are its own copy."""
-    folder = tmp_path_factory.mktemp("fitted")
-    data = with_tests(folder / "pads.csv", "B-20")
-    assert call("fit", data, "-o", folder / "out", *QUICK)[0] == 0
-    return folder
 
 
 def refused(*words):
@@ -72,24 +64,27 @@ def test_a_folder_that_cannot_be_written_is_named_before_the_work(read_only):
     assert list(read_only.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_check_says_when_the_data_are_gone_or_changed(fitted_folder, tmp_path):
-    folder, data = fitted_folder / "out", fitted_folder / "pads.csv"
+def test_check_says_when_the_data_are_gone_or_changed(done, tmp_path):
+    data, folder = done[0].parents[1] / "some.csv", tmp_path / "B"
+    folder.mkdir()
+    shutil.copy(done[0] / "posterior.nc", folder)
     content = data.read_bytes()
-    data.unlink()
-    line = refused("check", folder)
-    assert line.startswith(str(data))
-    assert "--data FILE" in line
-    data.write_bytes(content + b"# another line\n")
-    assert "changed since the fit" in refused("check", folder)
-    data.write_bytes(content)
-    assert "no longer here" in refused("check", folder, "--data", tmp_path / "no.csv")
-    assert not (folder / "B" / "check.json").exists()
+    try:
+        data.unlink()
+        line = refused("check", tmp_path)
+        assert line.startswith(str(data))
+        assert "--data FILE" in line
+        data.write_bytes(content + b"# another line\n")
+        assert "changed since the fit" in refused("check", tmp_path)
+    finally:
+        data.write_bytes(content)
+    assert "no longer here" in refused("check", tmp_path, "--data", tmp_path / "no.csv")
+    assert [path.name for path in folder.iterdir()] == ["posterior.nc"]
 
 
 @pytest.mark.parametrize("damage", ["empty", "half", "text", "zeros", "folder"])
-def test_check_refuses_damaged_results(fitted_folder, tmp_path, damage):
-    good = (fitted_folder / "out" / "B" / "posterior.nc").read_bytes()
+def test_check_refuses_damaged_results(done, tmp_path, damage):
+    good = (done[0] / "posterior.nc").read_bytes()
     file = tmp_path / "B" / "posterior.nc"
     file.parent.mkdir()
     if damage == "folder":

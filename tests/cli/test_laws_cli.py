@@ -10,7 +10,6 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.laws import check_law
 from qlvbayes.laws.catalogue import LAWS, own_laws
 from qlvbayes.laws.conformance import LawError
-from qlvbayes.model.choices import Choices
 
 FIT = ("--pads", "B", "--method", "least-squares", "--noise", "white")
 
@@ -42,15 +41,6 @@ def test_laws_are_listed(own):
     assert status == 0
     assert "power-law" in out
     assert "alpha" in out
-
-
-@pytest.mark.slow
-def test_laws_of_ones_own_keep_the_rules_and_are_found(own):
-    laws = own_laws(own)
-    check_all(laws)
-    assert own_laws(own).elastic[0] is laws.elastic[0]  # compiled once
-    choices = Choices(elastic="tangent", relaxation="maxwell", laws_file=str(own))
-    assert choices.relaxing == "maxwell"
 
 
 @pytest.mark.parametrize(
@@ -93,6 +83,7 @@ def test_a_law_that_breaks_a_rule_is_told_which(own, change, problem):
 @pytest.mark.slow
 def test_a_fit_with_laws_of_ones_own_is_saved_checked_and_reported(tmp_path, own):
     """From the command to the page, through every file between."""
+    check_all(own_laws(own))
     out = tmp_path / "out"
     words = ("--elastic", "tangent", "--relaxation", "maxwell", "--laws-file", own)
     status, _, err = call("fit", PADS, "-o", out, *FIT, *words)

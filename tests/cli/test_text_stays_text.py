@@ -27,7 +27,7 @@ from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import folder_fault
 from qlvbayes.io.wording import as_typed, computed, prints, visible
 from qlvbayes.plots.style import shortened, style, using
-from qlvbayes.use.exports.card import card, commented, in_comment, template
+from qlvbayes.use.exports.card import card, commented, in_comment
 from qlvbayes.use.exports.code import CHeader
 from qlvbayes.use.exports.pad import identifier
 from qlvbayes.use.exports.target import TARGETS, Geometry
@@ -130,45 +130,28 @@ def test_a_spreadsheet_computes_no_name(name):
     assert len(row) == 7
 
 
-@pytest.fixture(scope="module")
-def pad(tmp_path_factory):
-    return exported(tmp_path_factory.mktemp("pad"))
-
-
 def without_comments(code):
     return re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
 
 
-@QUICK
-@given(name=NASTY)
-@example(name="a*/ int x; /*")
-def test_exported_comments_end_where_they_should(pad, name):
-    lines = card(replace(pad, name=name, source=name), CHeader)
+def test_every_target_has_the_same_code_whatever_the_name(tmp_path, monkeypatch):
+    monkeypatch.setattr("qlvbayes.use.exports.code._binary", lambda sources: None)
+    pad = exported(tmp_path)
+    hostile = replace(pad, name="x".join(PARTS), source="a*/ int x; /*".join(PARTS))
+    lines = in_comment(card(hostile, CHeader))
+    assert not re.search(r"/\*|\*/|--", "\n".join(lines))
     assert len(commented(lines, "%").splitlines()) == len(lines)
     assert commented(lines, "**").isascii()
-    values = {"p": "pad_B", "P": "PAD_B", "draws": []}
-    code = template("draws.h.j2", card=in_comment(lines), **values)
-    plain = template("draws.h.j2", card=["B"], **values)
-    assert without_comments(code) == without_comments(plain)
-    numbers = {"stiffness": 1.0, "dissipation": 2.0, "name": "pad_B", "solid": {}}
-    ElementTree.fromstring(template("pad.sdf.j2", card=in_comment(lines), **numbers))
-    assert not re.search(r"/\*|\*/|--", "\n".join(in_comment(lines)))
-
-
-@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
-def test_every_target_has_the_same_code_whatever_the_name(pad, target, monkeypatch):
-    monkeypatch.setattr("qlvbayes.use.exports.code._binary", lambda sources: None)
-    hostile = replace(pad, name='*/ --> "]]> <x> \n%}\x1b', source="a*/b--c")
-    files = target().files(hostile, Geometry(10.0, 200.0))
-    for name, content in files.items():
-        assert re.fullmatch(r"pad_B\w*\.\w+", name)
-        if name.endswith((".xml", ".feb", ".sdf")):
-            ElementTree.fromstring(content)
-        elif name.endswith(".json"):
-            assert json.loads(content)["pad"] == hostile.name
-        elif name.endswith((".h", ".c")):
-            plain = target().files(pad, Geometry(10.0, 200.0))[name].decode()
-            assert without_comments(content.decode()) == without_comments(plain)
+    for target in TARGETS:
+        for name, content in target().files(hostile, Geometry(10.0, 200.0)).items():
+            assert re.fullmatch(r"pad_B\w*\.\w+", name)
+            if name.endswith((".xml", ".feb", ".sdf")):
+                ElementTree.fromstring(content)
+            elif name.endswith(".json"):
+                assert json.loads(content)["pad"] == hostile.name
+            elif name.endswith((".h", ".c")):
+                plain = target().files(pad, Geometry(10.0, 200.0))[name].decode()
+                assert without_comments(content.decode()) == without_comments(plain)
 
 
 def test_identifiers_tell_pads_of_a_folder_apart():

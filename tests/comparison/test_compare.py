@@ -14,6 +14,7 @@ from qlvbayes.comparison.statistics import FALSE_ALARMS, joint_test
 from qlvbayes.comparison.words import paragraphs
 from qlvbayes.io.checks import InputError
 
+FEW = 100  # draws, where what is compared is looked at and not how it comes out
 UNIT = Reading("m", "N/mm", "constants", False)
 
 
@@ -40,20 +41,10 @@ def test_known_differences_are_found_and_same_rates_told_equal_or_left_open(oil_
             found[name].first.median - found[name].second.median, abs=0.02
         )
     # the paper's open question: its v1 and v2 are the same for oil and for glycerin
-    assert oil_and_glycerin["v[1]"].answer == "equal"
-    assert oil_and_glycerin["v[2]"].answer == "cannot tell"
-
-
-def test_what_engineers_read_is_compared_too(oil_and_glycerin):
-    groups = dict.fromkeys(c.group for c in oil_and_glycerin.contrasts)
-    assert list(groups) == [
-        "constants", "stiffness", "force", "relaxation", "energy", "loss tangent"
-    ]  # fmt: skip
-    for c in oil_and_glycerin.contrasts:
-        for value in (c.first, c.second, c.difference, c.ratio):
-            assert value.low < value.median < value.high
-        assert 0.0 <= c.direction <= 1.0
-        assert 0.0 <= c.equivalence <= 1.0
+    assert found["v[1]"].answer == "equal"
+    assert found["v[2]"].answer == "cannot tell"
+    groups = ["constants", "stiffness", "force", "relaxation", "energy", "loss tangent"]
+    assert list(dict.fromkeys(c.group for c in found.contrasts)) == groups
 
 
 def test_turning_the_pair_round_turns_answers_and_against_itself_it_is_equal_or_open():
@@ -67,12 +58,12 @@ def test_turning_the_pair_round_turns_answers_and_against_itself_it_is_equal_or_
         assert one.difference.median == pytest.approx(-other.difference.median, rel=0.1, abs=0.01)
         if one.quantity in ("m", "b", "c[2]", "v[1]"):
             assert turned[one.answer] == other.answer
-    draws = posterior(table_1("B"), np.random.default_rng(2))
+    draws = posterior(table_1("B"), np.random.default_rng(2), size=150)
     found = compare(draws, draws, names=("B", "B again"), **PLACES)
     assert not {c.answer for c in found.contrasts} & {"greater", "less"}
     assert found.differ is None  # v[2] is too wide to be called equal
     sharp = {name: 0.1 * width for name, width in WIDTHS.items()}
-    draws = posterior(table_1("B"), np.random.default_rng(2), sharp)
+    draws = posterior(table_1("B"), np.random.default_rng(2), sharp, size=150)
     found = compare(draws, draws, **PLACES)
     assert {c.answer for c in found.contrasts} == {"equal"}
     assert found.differ is False
@@ -137,29 +128,22 @@ def test_the_joint_test_is_a_chi_square_that_equals_fail_in_one_per_cent():
 
 def test_what_both_do_not_share_is_left_out_and_told():
     rng = np.random.default_rng(7)
-    first, second = posterior(table_1("B"), rng), posterior(table_1("C"), rng)
-    drag = second | {"viscous_drag.eta": np.full(300, 0.003)}
-    found = compare(first, drag, names=("B", "C"), **PLACES)
+    pad, other = (posterior(table_1(name), rng, size=FEW) for name in "BC")
+    drag = other | {"viscous_drag.eta": np.full(FEW, 0.003)}
+    found = compare(pad, drag, names=("B", "C"), **PLACES)
     assert "viscous_drag.eta" not in [c.quantity for c in found.contrasts]
     assert {c.quantity for c in found.of_group("constants")} == set(ORDER)
     assert any("only C was fitted with viscous_drag" in notice for notice in found.notices)
-    rng = np.random.default_rng(8)
-    one = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "b": np.ones(500)}
-    one |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
-    found = compare(one, posterior(table_1("B"), rng), **PLACES)
+    mode = {"c[0]": np.full(FEW, 0.4), "c[1]": np.full(FEW, 0.6), "v[1]": np.full(FEW, 5.0)}
+    one = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(FEW)), "b": np.ones(FEW)} | mode
+    found = compare(one, pad, **PLACES)
     assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
     assert any("different numbers of relaxation modes" in notice for notice in found.notices)
-    rng = np.random.default_rng(9)
-    hertz = {"m": 0.3 * np.exp(0.01 * rng.standard_normal(500)), "n": np.full(500, 1.5)}
-    hertz |= {"c[0]": np.full(500, 0.4), "c[1]": np.full(500, 0.6), "v[1]": np.full(500, 5.0)}
-    found = compare(hertz, posterior(table_1("B"), rng), **PLACES)
-    assert found.differ is None
-    assert found.omnibus is None
-    assert len(found.contrasts) == 9
+    found = compare({"m": one["m"], "n": np.full(FEW, 1.5)} | mode, pad, **PLACES)
+    assert (found.differ, found.omnibus, len(found.contrasts)) == (None, None, 9)
     assert "no constant is shared" in " ".join(found.notices)
     assert paragraphs(found)[0].startswith("Cannot tell")
-    rng = np.random.default_rng(10)
-    first, second = (posterior(table_1("B"), rng) | {"v[2]": np.full(300, 0.14)} for _ in "ab")
+    first, second = (x | {"v[2]": np.full(FEW, 0.14)} for x in (pad, other))
     found = compare(first, second, **PLACES)
     assert "v[2]" not in [c.quantity for c in found.contrasts]
     assert "fixed, not fitted, and not compared: v[2]" in found.notices
@@ -169,14 +153,13 @@ def test_what_both_do_not_share_is_left_out_and_told():
 def test_shares_of_models_with_different_effects_on_relaxation_are_those_of_the_whole_model():
     """A mode of share c leaves the others (1 - c) of the force; their c[0] is of another law."""
     rng = np.random.default_rng(11)
-    first, second = posterior(table_1("B"), rng), posterior(table_1("B"), rng)
-    mode = {"c": np.full(300, 0.25), "v": np.full(300, 0.02)}
+    first, second = (posterior(table_1("B"), rng, size=FEW) for _ in range(2))
+    mode = {"c": np.full(FEW, 0.25), "v": np.full(FEW, 0.02)}
     second |= {f"extra_relaxation_mode.{name}": values for name, values in mode.items()}
     found = compare(first, second, names=("B", "C"), **PLACES)
     assert [c.quantity for c in found.of_group("constants")] == ["m", "b"]
     assert "different effects on the relaxation: c and v are not compared" in found.notices
     share = found["share that never relaxes"]
-    # of 300 draws some are paired once more than others
     assert share.first.median == pytest.approx(np.median(first["c[0]"]), rel=1e-3)
     assert share.second.median == pytest.approx(0.75 * np.median(second["c[0]"]), rel=1e-3)
     alike = compare(second, second, names=("B", "C"), **PLACES)
@@ -215,22 +198,19 @@ def test_tables_hold_every_number_and_names_as_they_are(oil_and_glycerin):
 
 
 @pytest.mark.parametrize(
-    ("words", "problem"),
+    ("words", "lost", "problem"),
     [
-        ({"region": 0.0}, "region"),
-        ({"depth": -1.0}, "depth"),
-        ({"rates": [1.0, 0.0]}, "rate"),
-        ({"frequencies": [float("nan")]}, "frequency"),
+        ({"region": 0.0}, "", "region"),
+        ({"depth": -1.0}, "", "depth"),
+        ({"rates": [1.0, 0.0]}, "", "rate"),
+        ({"frequencies": [float("nan")]}, "", "frequency"),
+        ({}, "v[2]", r"lacks v\[2\]"),
     ],
 )
-def test_numbers_that_make_no_sense_are_refused(words, problem):
+def test_numbers_that_make_no_sense_and_draws_that_lack_a_constant_are_refused(
+    words, lost, problem
+):
     draws = posterior(table_1("B"), np.random.default_rng(0), size=200)
+    draws.pop(lost, None)
     with pytest.raises(InputError, match=problem):
         compare(draws, draws, **words)
-
-
-def test_draws_that_lack_a_constant_are_refused():
-    draws = posterior(table_1("B"), np.random.default_rng(0), size=200)
-    del draws["v[2]"]
-    with pytest.raises(InputError, match=r"lacks v\[2\]"):
-        compare(draws, draws)

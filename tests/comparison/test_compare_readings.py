@@ -1,8 +1,5 @@
 """Check the quantities that an engineer reads from a model by closed forms and quadrature."""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -186,15 +183,6 @@ def test_the_rig_is_not_read_as_the_pad():
     np.testing.assert_array_equal(
         list(measure(rig, [bare | extra]).values()), list(measure(Choices(), [bare]).values())
     )
-
-
-def test_a_draw_becomes_the_model_of_its_constants(paper_model):
-    pad = PADS["B"]
-    names = list(constants(pad))
-    table = np.array([list(constants(pad).values())])
-    models = drawn_models(described_model(Choices()), names, table)
-    one = jax.tree.map(lambda x: x[0], models)
-    assert eqx.tree_equal(one, jax.tree.map(jnp.asarray, paper_model("B")), rtol=1e-12)
 
 
 def test_settings_lie_inside_what_both_pads_cover():

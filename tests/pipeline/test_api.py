@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from support.two_tests import two_tests
+from support.endtoend import two_tests
 
 import qlvbayes as q
 from qlvbayes import effects, laws, priors

@@ -1,5 +1,6 @@
 """Measurements by others: muscle in tension, an adhesive in shear (skipped where absent)."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,11 @@ REAL = Path(__file__).parents[3] / "shared" / "real"
 MUSCLE, ADHESIVE = REAL / "muscle_ramps.csv", REAL / "adhesive_shear.csv"
 
 pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the measurements are not here")
+
+
+@cache
+def ready(data, name):
+    return prepare(read_measurements(data).pad(name))
 
 
 def noted(err):
@@ -53,10 +59,10 @@ def test_muscle_is_in_kpa_and_converges_to_the_order_of_its_stress(muscle):
 
 
 def test_muscles_measured_sds_weigh_its_samples():
-    ready = prepare(read_measurements(MUSCLE).pad("calcium"))
-    record = ready.record(ready.with_role("fit"))
+    experiment = ready(MUSCLE, "calcium")
+    record = experiment.record(experiment.with_role("fit"))
     weight = np.asarray(record.blocks.weight)[np.asarray(record.blocks.real)]
-    (trial,) = ready.with_role("fit")
+    (trial,) = experiment.with_role("fit")
     assert np.ptp(weight) > 0.2
     ratio = trial.test.force_sd.max() / trial.test.force_sd.min()
     assert 1.0 < weight.max() / weight.min() <= ratio * (1.0 + 1e-9)
@@ -68,11 +74,11 @@ def test_every_pad_has_phases_and_a_noise_floor(data, pads, every):
     found = read_measurements(data).pads
     assert len(found) == pads
     for pad in found if every else found[:1]:
-        ready = prepare(pad)
-        peak = max(np.max(np.abs(t.test.force)) for t in ready.trials)
-        assert 0.0 < ready.floor.total < 0.05 * peak
-        assert len(ready.with_role("fit")) >= 1
-        for trial in ready.trials:
+        experiment = ready(data, pad.name)
+        peak = max(np.max(np.abs(t.test.force)) for t in experiment.trials)
+        assert 0.0 < experiment.floor.total < 0.05 * peak
+        assert len(experiment.with_role("fit")) >= 1
+        for trial in experiment.trials:
             assert {"ramp", "hold"} <= {phase.kind for phase in trial.phases}
 
 

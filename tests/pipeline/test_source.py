@@ -24,18 +24,21 @@ def stage(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def source(stage):
+    return Source.from_files(stage)
+
+
 def names(source):
     return [one.pads[0].name for one in source if isinstance(one, Measurements)]
 
 
-def test_machines_files_are_tests_of_one_pad_unless_the_user_names_more(stage):
-    source = Source.from_files(stage)
+def test_machines_files_are_tests_of_one_pad_unless_the_user_names_more(stage, source):
     (pad,) = source.read.pads
     assert [test.name for test in pad.tests] == ["at_0.5", "at_10", "at_2"]
     assert len({test.contact_stage for test in pad.tests}) == 1
     assert source.is_complete
     assert source.grouping.startswith("read: pad pad of 3 tests")
-    assert names(Source.from_files(stage, only=["stay"])) == ["stay"]
     assert names(Source.from_files(stage, only=["A", "B", "A"])) == ["A", "B"]
     (single, *_) = sorted(stage.iterdir())
     assert names(Source.from_files(single, only=["stay"])) == ["stay"]
@@ -43,12 +46,14 @@ def test_machines_files_are_tests_of_one_pad_unless_the_user_names_more(stage):
         Source.from_files(stage, only=["A", "B"])  # for three files
 
 
-def test_a_bad_file_among_machines_files_is_named_and_the_others_are_read(stage, tmp_path):
+def test_tidy_files_stand_beside_machines_files_and_a_bad_one_is_named(stage, tmp_path):
     bad = tmp_path / "bad.csv"
     bad.write_text("Time,Extension,Load\n(s),(mm),(N)\n0,0,0\n1,x,1\n")
-    found = list(Source.from_files([*sorted(stage.iterdir()), bad]))
+    tidy = with_tests(tmp_path / "B.csv", "B-20")
+    found = list(Source.from_files([tidy, *sorted(stage.iterdir()), bad]))
+    assert names(found) == ["pad", "B"]
     assert [one.of for one in found if isinstance(one, Fault)] == ["bad.csv"]
-    assert [len(one.pads[0].tests) for one in found if isinstance(one, Measurements)] == [3]
+    assert [len(one.pads[0].tests) for one in found if isinstance(one, Measurements)] == [3, 1]
 
 
 def test_tidy_files_keep_the_pads_that_they_name(tmp_path):
@@ -66,11 +71,6 @@ def test_tidy_files_keep_the_pads_that_they_name(tmp_path):
             refused()
 
 
-def test_tidy_and_machines_files_stand_side_by_side(stage, tmp_path):
-    single = with_tests(tmp_path / "B.csv", "B-20")
-    assert names(Source.from_files([single, *stage.iterdir()])) == ["pad", "B"]
-
-
 def test_what_would_go_to_one_folder_is_refused(tmp_path):
     one = with_tests(tmp_path / "B.csv", "B-20")
     (tmp_path / "b.CSV").write_bytes(one.read_bytes())
@@ -81,15 +81,14 @@ def test_what_would_go_to_one_folder_is_refused(tmp_path):
         Source.from_files(tmp_path / "none")
 
 
-def test_later_steps_read_what_was_read_from_its_tidy_copy(stage, tmp_path):
+def test_later_steps_read_what_was_read_from_its_tidy_copy(stage, source, tmp_path):
     """The copy has the same tests, and a check of the fit finds them there."""
-    before = Source.from_files(stage)
-    after = before.kept(tmp_path)
+    after = source.kept(tmp_path)
     assert Path(after.read.source) == tmp_path / KEPT
-    for one, other in zip(before.read.pads[0].tests, after.read.pads[0].tests, strict=True):
+    for one, other in zip(source.read.pads[0].tests, after.read.pads[0].tests, strict=True):
         assert (one.name, one.contact_stage) == (other.name, other.contact_stage)
         assert np.allclose(one.force, other.force, atol=1e-8)
-    assert after.read.sha256 == before.read.sha256
+    assert after.read.sha256 == source.read.sha256
     status, out, err = call("fit", stage, "-o", tmp_path / "out", *QUICK, "--pad", "stay")
     assert status == 0, err
     assert out.startswith("read: pad stay of 3 tests")

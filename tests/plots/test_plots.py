@@ -9,9 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 from matplotlib._pylab_helpers import Gcf
-from matplotlib.figure import Figure
-from support.figures import NOISE, drawn, page, prediction, protocol
-from support.pages import keeps_the_page, points
+from support.figures import NOISE, page, prediction, protocol
+from support.pages import drawn, keeps_the_page, points
 
 from qlvbayes import plots
 from qlvbayes.fitting.residuals import Cell, CheckResult, check
@@ -162,21 +161,6 @@ def test_files_are_whole_repeatable_and_hold_their_fonts(tmp_path):
     assert b"/Type3" not in first[1]
     save_figure(page(plot_forces, shown, PAD), tmp_path / "pad.1")
     assert (image.read_bytes(), document.read_bytes()) == first
-
-
-def test_a_write_that_breaks_off_leaves_the_older_file(tmp_path, monkeypatch):
-    figure = page(plot_residual_map, checked((cell(),)), PAD)
-    image = save_figure(figure, tmp_path / "map")
-    older = {path: path.read_bytes() for path in tmp_path.iterdir()}
-
-    def full(self, part, **_):
-        Path(part).write_bytes(b"half")
-        raise OSError("disk full")
-
-    monkeypatch.setattr(Figure, "savefig", full)
-    with pytest.raises(OSError, match="disk full"):
-        save_figure(figure, image.with_name("map"))
-    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == older
 
 
 def test_a_user_s_settings_and_windows_are_left_alone(tmp_path, monkeypatch):

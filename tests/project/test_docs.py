@@ -172,17 +172,3 @@ def test_links_within_the_site_arrive(site):
             target = (page.parent / path).resolve() if path else page
             assert target.exists(), (page.name, link)
             assert not anchor or anchor in ids[target], (page.name, link)
-
-
-def test_links_of_the_repository_become_links_of_the_site(building):
-    relinked = building("links").relinked
-    assert relinked("[a](docs/limits.md#x)") == "[a](limits.md#x)"
-    assert relinked("![p](docs/pictures/p.png)") == "![p](pictures/p.png)"
-    assert relinked("[c](CONTRIBUTING.md)") == "[c](contributing.md)"
-    assert relinked("[n](notebooks/01_a.ipynb)") == "[n](tutorials/01_a.md)"
-    assert relinked("[d](data/pads.csv)") == "d (`data/pads.csv`)"
-    assert relinked("[n](../notebooks/01_a.ipynb)", "docs") == "[n](tutorials/01_a.md)"
-    assert relinked("[t](theory.md#x)", "docs") == "[t](theory.md#x)"
-    assert relinked("[r](../README.md)", "docs") == "[r](index.md)"
-    assert relinked("[b](../benchmarks/results.md)", "docs") == "b (`benchmarks/results.md`)"
-    assert relinked("[e](https://e.org) [f](#there)") == "[e](https://e.org) [f](#there)"

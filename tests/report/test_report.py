@@ -42,7 +42,7 @@ from qlvbayes.pipeline.derived import compare_pairs
 from qlvbayes.report.collect import collect
 from qlvbayes.report.figures import chart_of
 from qlvbayes.report.methods import methods_of
-from qlvbayes.report.questions import meanings, shifts_of
+from qlvbayes.report.questions import shifts_of
 from qlvbayes.report.verdicts import verdict_box
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
@@ -124,27 +124,19 @@ def test_the_answer_and_its_figure_come_before_the_reasons_which_are_folded(tmp_
     assert not any("open" in attrs for attrs in page.of("details"))
 
 
-def test_a_constant_far_out_of_its_prior_is_told_below_the_constants(tmp_path):
-    out = write_study(tmp_path)
+def test_a_constant_far_out_of_its_prior_is_told_and_a_pad_of_another_folder_counts(tmp_path):
+    out = tmp_path
+    write_pad(out, "B")
+    assert "There is only one pad here" in Page(write_report(out)).words
+    write(out / "compare" / "B-vs-C" / "compare.json", comparison("B", "C"))
     prior = json.dumps({"m": "lognormal(0,0.2)", "viscous_drag.eta": "halfnormal(0.003)"})
     with h5py.File(out / "B" / "posterior.nc", "a") as file:
         file.attrs["priors"] = prior
     words = Page(write_report(out)).words
     said = "Pad B: m: the estimate lies 5.4 prior scales out, and the prior lognormal(0,0.2) pulls"
     assert words.count("prior scales out") == words.count(said) == 1
-
-
-def test_shares_before_an_effect_acts_are_said_of_the_pads_that_have_it():
-    def pad(name, *effects):
-        known = {"c[0]": parameter(0.4), "m": parameter(1.0)}
-        final = SimpleNamespace(effects=effects, facts={})
-        return SimpleNamespace(title=name, final=final, parameters=known)
-
-    mode, plain = pad("pad P", "extra_relaxation_mode"), pad("pad Q", "friction")
-    both = "share that never relaxes, before extra_relaxation_mode acts"
-    assert meanings([mode, mode])["c[0]"] == both
-    assert meanings([mode, plain])["c[0]"] == f"{both} in pad P"
-    assert meanings([plain])["c[0]"] == "share that never relaxes"
+    assert "B and C differ" in words
+    assert "There is only one pad here" not in words
 
 
 def on_hertz(verdict, named=()):
@@ -208,15 +200,6 @@ def test_terminal_and_page_count_the_phases_that_the_check_marks(tmp_path, capsy
     assert sentence in said
     assert sentence in words
     assert "it would fail above 0.37 N" in said
-
-
-def test_a_pad_that_was_compared_with_one_of_another_folder_is_not_alone(tmp_path):
-    write_pad(tmp_path, "B")
-    assert "There is only one pad here" in Page(write_report(tmp_path)).words
-    write(tmp_path / "compare" / "B-vs-C" / "compare.json", comparison("B", "C"))
-    words = Page(write_report(tmp_path)).words
-    assert "B and C differ" in words
-    assert "There is only one pad here" not in words
 
 
 def test_methods_and_commands_say_how_to_repeat_and_use_it(page, out):

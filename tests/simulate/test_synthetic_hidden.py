@@ -5,8 +5,6 @@ import json
 import numpy as np
 import pytest
 from blind.catalogue import FORMS, OUTSIDE
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 from support.machine_files import CORPUS
 from typer.testing import CliRunner
 
@@ -19,8 +17,6 @@ from qlvbayes.simulate import (
     TABLE_1,
     Constants,
     HiddenPad,
-    Hold,
-    Move,
     Pad,
     Platen,
     draw_constants,
@@ -33,8 +29,6 @@ from qlvbayes.simulate import (
 EVERY = {**HIDDEN, **FORMS, **OUTSIDE}
 B = TABLE_1["B"]
 PARAMETERS = json.loads((CORPUS / "other/constants.json").read_text("utf-8"))["simulated"]
-# The parameter whose null leaves nothing of the effect, where that is not its first.
-NULL_AT = {"amplifier_clipping": 1e9}
 
 
 def effect(name, **changes):
@@ -57,46 +51,23 @@ def force_of(*effects, platen, times, constants=B, **options):
 def test_without_effects_it_is_the_pad(protocol, bonded):
     rng = np.random.default_rng(3)
     for constants in (B, draw_constants(rng), Constants(0.5, 0.6, (1.0,))):
-        for rate in (0.1, 20.0, 100.0):
+        for rate in (0.1, 100.0):
             platen, times = paired(protocol, rate)
             expected = Pad(constants, bonded).force(platen, times)
             force = force_of(platen=platen, times=times, constants=constants, bonded=bonded)
             assert np.abs(force - expected).max() < 1e-8 * expected.max()
 
 
-@pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(9)
-def test_each_effect_vanishes_at_its_null(name):
-    null = effect(name, **{next(iter(PARAMETERS[name])): NULL_AT.get(name, 0.0)})
-    platen, times = paired(full_retraction_protocol)
-    expected = force_of(platen=platen, times=times)
-    assert np.abs(force_of(null, platen=platen, times=times) - expected).max() < 1e-8
-    assert np.abs(force_of(effect(name), platen=platen, times=times) - expected).max() > 5e-3
-
-
-@pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(3)
-def test_finer_cells_change_nothing(name):
-    for protocol, rate in ((paper_protocol, 0.1), (full_retraction_protocol, 30.0)):
-        platen, times = paired(protocol, rate)
-        force = force_of(effect(name), platen=platen, times=times)
-        finer = force_of(effect(name), platen=platen, times=times, cells=1800)
-        assert np.abs(force - finer).max() < 1e-7 * finer.max()
-
-
-PAIRS = [
-    ("frame_compliance", "fluid_pressure", "stress_softening"),
-    ("frame_compliance", "squeeze_film", "contact_offset"),
-    ("frame_compliance", "friction", "permanent_set"),
-    ("strain_dependent_rate", "extra_relaxation_mode", "strain_dependent_strength"),
-    ("permanent_set", "contact_offset", "viscous_drag"),
-    ("adhesion", "friction", "channel_lag"),
-]
-
-
-@pytest.mark.parametrize("names", PAIRS)
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("frame_compliance", "fluid_pressure", "stress_softening"),
+        ("strain_dependent_rate", "extra_relaxation_mode", "strain_dependent_strength"),
+        ("adhesion", "friction", "channel_lag"),
+    ],
+)
 @pytest.mark.few(2)
-def test_finer_cells_change_nothing_of_several_effects(names):
+def test_finer_cells_and_another_order_change_nothing(names):
     platen, times = paired(full_retraction_protocol)
     effects = [effect(name) for name in names]
     force = force_of(*effects, platen=platen, times=times)
@@ -104,115 +75,6 @@ def test_finer_cells_change_nothing_of_several_effects(names):
     assert np.abs(force - finer).max() < 1e-6 * finer.max()
     back = force_of(*effects[::-1], platen=platen, times=times)
     assert np.array_equal(force, back)
-
-
-def integrated(platen, times, slope, states):
-    """Solve y' = slope(d, velocity, y) from 0 with the platen's d, piece by piece."""
-    values, state = np.zeros((states, times.size)), np.zeros(states)
-    for piece in platen.pieces:
-        end = piece.start + piece.duration
-        inside = (times >= piece.start) & (times < end)
-
-        def local(t, y, p=piece):
-            tau = t - p.start
-            speed = p.velocity + p.acceleration * tau
-            return slope(p.displacement + tau * 0.5 * (p.velocity + speed), speed, y)
-
-        solution = solve_ivp(
-            local, (piece.start, end), state, "LSODA", np.append(times[inside], end),
-            rtol=1e-10, atol=1e-12,
-        )  # fmt: skip
-        values[:, inside], state = solution.y[:, :-1], solution.y[:, -1]
-        values[:, times >= end] = state[:, None]
-    return values
-
-
-def stiffness(d):
-    return B.m * np.exp(B.b * d)
-
-
-def elastic(d):
-    return B.m / B.b * np.expm1(B.b * d)
-
-
-def ringing(d, v, y):
-    """w' and w'' of an oscillator that obeys w'' + 2 g w' + (g^2 + W^2) (w - a) = 0.
-
-    With w = u' its speed u stands for a: u'' + 2 g u' + (g^2 + W^2) (u - v) = 0.
-    """
-    turn = 20.0 * np.pi
-    return np.array([y[1], (1.01 * turn**2) * (v - y[0]) - 0.2 * turn * y[1]])
-
-
-REFERENCES = {
-    "strain_dependent_rate": (
-        lambda d, v, y: stiffness(d) * v - np.array(B.v) * np.exp(0.5 * d) * y,
-        lambda q: 0.0,
-    ),
-    "linear_rate": (
-        lambda d, v, y: stiffness(d) * v - np.array(B.v) * (1 + 0.5 * d) * y,
-        lambda q: 0.0,
-    ),
-    "fluid_pressure": (lambda d, v, y: 0.1 * v - y[2] / 0.5 * np.exp(-0.5 * d), lambda p: p[2]),
-    "quadratic_pressure": (lambda d, v, y: 0.1 * v - 20 * y[2] * np.abs(y[2]), lambda p: p[2]),
-    "friction": (lambda d, v, y: v / 0.05 * (1 - y[2] * np.sign(v)), lambda z: 0.08 * z[2]),
-    "frame_ringing": (
-        lambda d, v, y: ringing(d, v, y[2:]),
-        lambda u: 0.004 / (20.0 * np.pi) * u[3],
-    ),
-}
-
-
-@pytest.mark.parametrize("name", REFERENCES)
-def test_states_agree_with_a_general_solver(name):
-    law, added = REFERENCES[name]
-    changes_modes = name.endswith("rate")
-
-    def slope(d, v, y):
-        plain = stiffness(d) * v - np.array(B.v) * y[:2]
-        return law(d, v, y) if changes_modes else np.append(plain, law(d, v, y))
-
-    for protocol in (paper_protocol, full_retraction_protocol):
-        platen, times = paired(protocol, 30.0)
-        states = {"linear_rate": 2, "strain_dependent_rate": 2, "frame_ringing": 4}.get(name, 3)
-        y = integrated(platen, times, slope, states)
-        expected = B.c[0] * elastic(platen.displacement(times)) + B.c[1:] @ y[:2] + added(y)
-        force = force_of(effect(name), platen=platen, times=times, bonded=True)
-        assert np.abs(force - expected).max() < 1e-7 * expected.max()
-
-
-def test_a_compliant_frame_agrees_with_a_general_solver():
-    """w' = v (F_e - w), with the depth found by root search at every step."""
-    c, v = np.array(B.c), np.array(B.v)
-
-    def depth(displacement, w):
-        def surplus(d):
-            return d - displacement + 0.05 * max(elastic(d) - c[1:] @ w, 0.0)
-
-        return brentq(surplus, displacement - 0.5, displacement + 1e-9, xtol=1e-14)
-
-    platen, times = paired(paper_protocol, 30.0)
-    w = integrated(platen, times, lambda d, _, w: v * (elastic(depth(d, w)) - w), 2)
-    pressed = [depth(d, x) for d, x in zip(platen.displacement(times), w.T, strict=True)]
-    expected = np.maximum(elastic(np.array(pressed)) - c[1:] @ w, 0.0)
-    force = force_of(effect("frame_compliance"), platen=platen, times=times)
-    assert np.abs(force - expected).max() < 1e-6 * expected.max()
-
-
-def added(name, platen, times, **options):
-    with_it = force_of(effect(name), platen=platen, times=times, **options)
-    return with_it - force_of(platen=platen, times=times, **options)
-
-
-def test_drags_follow_the_speed():
-    for rate in (1.0, 10.0):
-        platen = Platen((Move(1.6, rate), Hold(1.0)))
-        middle = np.array([platen.kinks[1:3].mean(), platen.duration])
-        assert added("viscous_drag", platen, middle) == pytest.approx([0.003 * rate, 0.0])
-        assert added("power_law_drag", platen, middle) == pytest.approx([0.02 * rate**0.5, 0.0])
-        film = 0.001 * rate / (1 - 0.8 / 2.5) ** 3
-        assert added("squeeze_film", platen, middle) == pytest.approx([film, 0.0])
-        assert added("growing_drag", platen, middle) == pytest.approx([0.004 * rate, 0.0])
 
 
 def study(protocol, pad):

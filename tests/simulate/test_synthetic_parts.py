@@ -22,7 +22,6 @@ from qlvbayes.simulate import (
     draw_constants,
     encode,
     paper_protocol,
-    simulate_test,
     specimens_of,
     thin,
 )
@@ -98,21 +97,14 @@ def test_velocity_is_the_slope_of_displacement(rate):
         assert gain == pytest.approx(2 * step * platen.acceleration(middle), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("rate", "reached"),
-    [(0.1, 0.1), (1.0, 1.0), (10.0, 10.0), (20.0, 20.0), (30.0, 30.0), (100.0, 40.0)],
-)
-def test_the_stroke_of_the_paper_is_too_short_for_100_mm_per_s(rate, reached):
-    platen = protocol(rate)
-    assert platen.velocity(platen.kinks).max() == pytest.approx(reached, rel=1e-12)
-
-
 @pytest.mark.parametrize("rate", PAPER_RATES)
 def test_kinks_are_where_the_acceleration_jumps(rate):
     platen = protocol(rate)
     jumps = platen.acceleration(platen.kinks + 1e-7) - platen.acceleration(platen.kinks - 1e-7)
     assert np.allclose(np.abs(jumps), np.where(platen.kinks == 0.04, 2000.0, 1000.0))
     assert platen.kinks.size == (7 if rate == 100.0 else 8)
+    reached = min(rate, 40.0)  # the stroke of the paper is too short for 100 mm/s
+    assert platen.velocity(platen.kinks).max() == pytest.approx(reached, rel=1e-12)
 
 
 def test_a_ramp_lasts_its_time_and_the_platen_rests_outside():
@@ -143,22 +135,6 @@ def test_noise_has_the_stated_covariance_at_uneven_times(kind):
     assert np.all(np.abs(draws.mean(axis=0)) < Z * np.sqrt(spread / len(draws)))
 
 
-def test_noise_has_the_size_that_is_stated():
-    for kind in ("correlated", "white"):
-        assert np.hypot(NOISES[kind].white, NOISES[kind].correlated) == pytest.approx(0.01)
-    record = simulate_test(
-        TABLE_1["B"], paper_protocol(20.0), NOISES["none"], np.random.default_rng(5)
-    )
-    assert np.array_equal(record.force, record.true_force)
-    record = simulate_test(
-        TABLE_1["B"], paper_protocol(20.0), NOISES["correlated"], np.random.default_rng(5)
-    )
-    steps = np.diff(record.force - record.true_force)
-    expected = 2 * 0.006**2 + 2 * 0.008**2 * -np.expm1(-0.001 / 0.5)
-    # Differences of white noise correlate by -1/2 with their neighbours: variance 3 / n.
-    assert abs(np.mean(steps**2) / expected - 1) < Z * np.sqrt(3 / steps.size)
-
-
 @given(st.lists(st.floats(-2.0, 2.0), min_size=1), st.sampled_from([0.001, 0.01]))
 def test_the_encoder_is_at_most_half_a_step_off(displacement, step):
     true = np.array(displacement)
@@ -173,8 +149,8 @@ def sampled(program):
     return platen, time, encode(platen.displacement(time))
 
 
-@pytest.mark.parametrize("max_rows", [40, 100, 500, 5000])
-@pytest.mark.parametrize("rate", PAPER_RATES)
+@pytest.mark.parametrize("max_rows", [40, 500, 5000])
+@pytest.mark.parametrize("rate", [0.1, 20.0, 100.0])
 def test_rows_are_few_ascending_and_include_both_ends(rate, max_rows):
     _, time, displacement = sampled(paper_protocol(rate))
     kept = thin(time, displacement, max_rows)
@@ -185,18 +161,12 @@ def test_rows_are_few_ascending_and_include_both_ends(rate, max_rows):
 
 
 @pytest.mark.parametrize("rate", PAPER_RATES)
-def test_each_hold_has_consecutive_samples_long_after_the_stop(rate):
+def test_intervals_grow_with_the_time_since_the_stop_but_for_runs_of_consecutive_samples(rate):
     platen, time, displacement = sampled(paper_protocol(rate))
     kept = thin(time, displacement, 500)
     for stop in platen.kinks[[-5, -1]]:
         late = kept[(time[kept] > stop + 2) & (time[kept] < stop + 29)]
         assert np.sum(np.diff(late) == 1) >= 10
-
-
-@pytest.mark.parametrize("rate", PAPER_RATES)
-def test_intervals_grow_in_proportion_to_the_time_since_the_stop(rate):
-    platen, time, displacement = sampled(paper_protocol(rate))
-    kept = thin(time, displacement, 500)
     stop = platen.kinks[-5]
     hold = time[kept][(time[kept] >= stop) & (time[kept] <= stop + 30)] - stop
     assert np.all(np.diff(hold) < 0.1 * (hold[:-1] + 0.02) + 0.001)  # and a sample of rounding

@@ -55,6 +55,11 @@ def with_tests(path, *tests, data=PADS):
     return path
 
 
+def two_tests(path):
+    """Write the hidden case's slow and fast test: enough to show a drag."""
+    return with_tests(path, "C-1", "C-100", data=PADS.with_name("hidden.csv"))
+
+
 def true_value(name):
     """The constant that pad B of the example data was simulated with."""
     stem, _, index = name.partition("[")
@@ -70,13 +75,7 @@ def environment():
 
 
 def call(*words, drawn=False):
-    """Run the command in this process: its exit status, stdout and stderr.
-
-    The line that says how long it took, which no other run repeats, is left out.
-
-    drawn: whether its figures are, or the names of those that are; to draw them takes four fifths
-    of a short fit. Without, files of their names hold nothing to look at.
-    """
+    """Run the command here: status, stdout, stderr but for its time; drawn: its figures or some."""
     out, err = io.StringIO(), io.StringIO()
     line = ["qlvbayes", *map(str, words)]
     status = 0

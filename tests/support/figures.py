@@ -1,7 +1,6 @@
 """Figures as tests look at them."""
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.data import Test as Record
@@ -51,9 +50,3 @@ def prediction(name, phases, rate, role="validate", time=None, force=lambda t: n
 def page(plot, *args, **options):
     """The figure that a function drew."""
     return figure_of(plot(*args, **options))
-
-
-def drawn(figure):
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return canvas.get_renderer()

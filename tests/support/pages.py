@@ -10,10 +10,10 @@ MM = 1.0 / 25.4
 
 
 def drawn(figure):
-    """The figure's renderer, after it has been drawn."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return canvas.get_renderer()
+    """The figure's renderer, after it has been drawn once."""
+    if not isinstance(figure.canvas, FigureCanvasAgg):
+        FigureCanvasAgg(figure).draw()
+    return figure.canvas.get_renderer()
 
 
 def _unseen(figure):

@@ -32,7 +32,7 @@ def running_app(sessions, *arguments):
             yield App(next(found)[0], server.pid)
         finally:
             server.terminate()
-            server.communicate(timeout=30)
+            server.communicate(timeout=300)
 
 
 class Visit:

@@ -1,7 +1,4 @@
-"""A folder of results written by hand, so that reports are tested without fitting anything.
-
-What does not matter in it is stored in tests/corpus.
-"""
+"""A folder of results written by hand; what does not matter in it is stored in tests/corpus."""
 
 import json
 from copy import deepcopy

@@ -11,7 +11,7 @@ from support.exported_pad import exported
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.choices import Choices
-from qlvbayes.use.exports.curves import ViscoelasticCurves
+from qlvbayes.use.exports.curves import ViscoelasticCurves, crept
 from qlvbayes.use.exports.target import Geometry
 
 
@@ -58,8 +58,6 @@ def test_creep_under_the_compliance_takes_one_unit_of_force(tmp_path, relaxation
     stiffness = pad.stiffness(0.0)
     jump = 1.0 / stiffness
     # between the table's rows J is smooth in the logarithm of time; before them it is the table's
-    from qlvbayes.use.exports.curves import crept
-
     creep = crept(pad.middle, time)[0] / stiffness
     assert np.interp(at, time, creep) == pytest.approx(found["creep_compliance (mm/N)"], rel=1e-6)
     assert creep[0] == pytest.approx(jump)

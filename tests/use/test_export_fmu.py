@@ -1,6 +1,7 @@
 """The FMU: valid, and its co-simulation is the header's force; its state can be got and set."""
 
 import io
+import subprocess
 import zipfile
 
 import numpy as np
@@ -73,7 +74,6 @@ def test_forces_and_displacements_are_the_headers_for_every_draw(unit):
     assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
     assert np.max(np.abs(found["displacement"] - late(DEPTH))) <= 1e-12
     assert np.array_equal(found["contact"], touched)
-    path, program = unit
     force = np.interp(TIME, [0.0, 0.1, 2.0], [0.0, 1.0, 1.0])
     found = simulated(path, "force_in", force, start_values={"prescribe_force": True})
     expected, _ = program.displacement(TIME, late(force))
@@ -82,7 +82,6 @@ def test_forces_and_displacements_are_the_headers_for_every_draw(unit):
     assert np.max(np.abs(found["force"] - bears)) <= 1e-12
     asked = late(force) > 0.04  # what is read unloaded is the least
     assert np.max(np.abs(bears - late(force))[asked]) <= 1e-12
-    path, program = unit
     found = simulated(path, "displacement_in", DEPTH, start_values={"draw": 3})
     expected, _ = program.force(TIME, late(DEPTH), draw=2)
     median, _ = program.force(TIME, late(DEPTH))
@@ -126,10 +125,7 @@ LOADED = np.array([[0.0, 1.6, 1.6]])
 
 
 def test_at_a_kink_an_importers_slope_of_the_line_before_overshoots_for_one_step(unit, slave):
-    """FMPy's own interpolation of inputs: at a knot it has the slope of the line that ends there.
-
-    The next value that is set puts the displacement right, by a jump back.
-    """
+    """FMPy interpolates so; the next value that is set puts the displacement right, by a jump."""
     depth, force, path = [0.0], slave.getReal([3]), [(0.0, 0.0)]
     for i in range(256):
         value, slope = fmpy.simulation.Input.interpolate(i * H, KNOTS, LOADED)
@@ -208,8 +204,6 @@ def test_what_has_no_way_back_refuses_a_force(tmp_path):
 @needs_gcc
 @pytest.mark.parametrize("effects", [(), WITH, ("channel_lag",)], ids="+".join)
 def test_sources_are_inside_and_strict(tmp_path, effects):
-    import subprocess
-
     pad = exported(tmp_path, Choices(effects=effects))
     content = Fmu().files(pad, None)["pad_B.fmu"]
     assert content == Fmu().files(pad, None)["pad_B.fmu"]

@@ -3,15 +3,13 @@
 import re
 import shutil
 import subprocess
-from itertools import product
-from math import exp
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.compiled_pad import STRICT, CompiledPad, needs_gcc
 from support.endtoend import study
-from support.exported_pad import EFFECTS, ELASTIC, RELAXATION, exported, reference
+from support.exported_pad import EFFECTS, RELAXATION, exported, reference
 from support.lawmotions import LAWS, retracting
 from support.machine_files import CORPUS
 
@@ -20,8 +18,6 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.code import CHeader, MatlabFunction
-from qlvbayes.use.exports.expressions import _PAIRS, _SINGLES
-from qlvbayes.use.exports.layers import elastic_functions
 
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 EXACT = 1e-12  # of the largest force: rounding a million times in another order
@@ -240,47 +236,6 @@ def test_a_draw_of_the_table_is_a_draw_of_the_posterior_with_its_own_effects(tmp
         assert force[3] == pytest.approx(c @ (ramp * np.exp(-v * 4.9)), rel=1e-12)
 
 
-def evaluated(function, constants):
-    """An expression as a function of its arguments, evaluated by Python's own arithmetic."""
-
-    def value(*arguments):
-        inputs = constants | dict(zip(function.arguments, arguments, strict=True))
-        values = {}
-        for x in function.work.ordered:
-            args = [values[id(y)] for y in x.args]
-            if x.op == "constant":
-                values[id(x)] = x.value
-            elif x.op in ("constant_of", "line"):
-                values[id(x)] = inputs[x.value]
-            elif x.op == "choose":
-                values[id(x)] = args[1] if args[0] else args[2]
-            else:
-                values[id(x)] = (_PAIRS | _SINGLES)[x.op](*args)
-        return values[id(function.work.force)]
-
-    return value
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_the_slope_of_a_step_is_its_slope(law):
-    functions = elastic_functions(reference(Choices(elastic=law)).elastic)
-    force, _, step, slope = (evaluated(function, ELASTIC[law]) for function in functions)
-    # within the toe of 0.4 and beyond, through its end in both directions, and nearly at rest
-    ends = ((0.1, 0.3), (0.5, 0.7), (0.9, 0.6), (0.2, 0.7), (0.8, 0.1), (0.9, 0.90001))
-    for (start, stop), decay in product(ends, (0.01, 0.5, 3.0)):
-
-        def at(end, of=step, start=start, decay=decay):
-            return of(start, end, force(start), force(end), decay, exp(-decay))
-
-        measured = (at(stop + 1e-5) - at(stop - 1e-5)) / 2e-5
-        assert at(stop, slope) == pytest.approx(measured, rel=1e-7)
-
-
-def test_a_law_that_cannot_be_written_is_refused(tmp_path):
-    with pytest.raises(InputError, match="spline"):
-        CHeader().files(exported(tmp_path, Choices(elastic="spline")), None)
-
-
 OWN = (CORPUS / "own" / "effects.txt").read_text("utf-8")
 
 
@@ -303,6 +258,8 @@ def test_a_users_own_effect_goes_along(compiled, tmp_path):
 def test_what_does_not_step_is_left_out_and_says_why(name, why, tmp_path):
     (tmp_path / "own.py").write_text(OWN)
     choices = Choices(effects=(name, "viscous_drag"), effects_file=str(tmp_path / "own.py"))
+    with pytest.raises(InputError, match="spline"):
+        CHeader().files(exported(tmp_path / "spline", Choices(elastic="spline")), None)
     pad = exported(tmp_path, choices)
     assert pad.effects == ("viscous_drag",)
     assert why in pad.left_out[name]

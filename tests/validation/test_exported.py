@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from exported import TARGETS, cost, forces, lacking, trials
+from exported import cost, forces, lacking, trials
 from support.endtoend import PADS, call
 
 import qlvbayes as q
@@ -41,16 +41,6 @@ def test_the_effect_brings_the_header_nearer_to_the_tests_that_were_not_fitted(h
     fast = [i for i, trial in enumerate(every) if trial.rate > 5.0 and trial.name != "C-20"]
     assert np.all(errors[1][fast] < 0.75 * errors[0][fast])
     assert np.all(errors[1] < 0.02)
-
-
-@pytest.mark.parametrize("target", [name for name in TARGETS if name != "c"])
-def test_every_other_export_has_the_headers_force(outs, every, headers, target):
-    needed = TARGETS[target][1]
-    if lacking(needed):
-        pytest.skip(f"no {needed} here: this export is not run")
-    for out, side in zip(outs, headers, strict=True):
-        for found, header in zip(forces(out, "C", target, every), side, strict=True):
-            assert np.max(np.abs(found - header)) <= 1e-7 * np.max(header)
 
 
 def test_the_model_with_memory_is_within_two_per_cent_where_no_contact_is(outs, every):
