@@ -1,26 +1,16 @@
 """The noise floor of any dwells at all is finite and not negative, whatever its prior says."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, lfilter
+from support.records import Record
 
 from qlvbayes.motion.noisefloor import measure
 from qlvbayes.motion.noisefloor.floor import Dwells
 from qlvbayes.motion.noisefloor.pool import Dwell, Pool
 from qlvbayes.motion.phases import Phase
-
-
-@dataclass(frozen=True)
-class Record:
-    time: np.ndarray
-    force: np.ndarray
-    force_sd: np.ndarray | None = None
-    displacement: np.ndarray | None = None
-
 
 SIZES = st.floats(-12.0, 3.0).map(lambda power: 10.0**power)
 FEW = st.integers(1, 5)
@@ -59,7 +49,7 @@ def dwells(draw):
     return record, (Phase("ramp", -ramp, 0.0), *rests)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(dwells(), min_size=1, max_size=4), st.sampled_from([0.0, 1e-3]))
 def test_every_floor_is_finite_and_not_negative(tests, of_a_step):
     records, phases = zip(*tests, strict=True)

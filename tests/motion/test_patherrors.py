@@ -45,7 +45,7 @@ def test_the_force_of_a_known_mass_is_off_by_as_much_as_is_stated(interval):
     """
     rng = np.random.default_rng(4)
     squares, alone, count, states = 0.0, 0.0, 0, []
-    for _ in range(5):
+    for _ in range(4):
         _, errors, (_, off), (_, a) = errors_of(there_and_back(rng, interval), interval)
         noise = FORCE_NOISE * np.abs(a).max()
         used = np.any(errors.acceleration != 0.0, axis=0)
