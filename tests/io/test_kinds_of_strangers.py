@@ -4,15 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.machine_files import Pressed, pressed, workbook
+from support.machine_files import pressed
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import is_mean, split_header
-from qlvbayes.io.conversion import convert, write_csv, write_tidy
+from qlvbayes.io.conversion import convert, write_csv
 from qlvbayes.io.data import Control, read_measurements
 from qlvbayes.io.loading import Answers
 from qlvbayes.io.readings import unread_rows
-from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.tidy import joined
 
 STRANGERS = Path(__file__).parents[3] / "shared" / "records" / "strangers"
@@ -28,55 +27,6 @@ def written(folder, name, *lines):
     path = folder / name
     path.write_text("\n".join([*lines, ""]))
     return path
-
-
-def turned_back(test):
-    """The same press from its peak back into the air."""
-    return Pressed(test.time, test.way[::-1].copy(), test.load[::-1].copy())
-
-
-def test_a_part_that_begins_at_its_largest_force_has_the_sign_of_the_others(tmp_path):
-    press = written(tmp_path, "extend.csv", NAMES, *rows_of(TEST))
-    back = turned_back(pressed(hold=0.0, rate=50.0))
-    retract = written(tmp_path, "retract.csv", NAMES, *rows_of(back))
-    with pytest.raises(UnsureError, match="the force is largest where the test begins") as told:
-        convert([retract])
-    assert told.value.option == "sign"
-    for files in ([press, retract], [retract, press]):
-        tests = convert(files, Answers.from_words(contact="file")).tests
-        found = next(test for test in tests if test.test == "retract")
-        np.testing.assert_allclose(found.displacement, back.way, atol=1e-5)
-        np.testing.assert_allclose(found.force, back.load, atol=1e-5)
-    with pytest.raises(UnsureError, match=r"\(100\.0% of the largest force\)"):
-        convert([press, retract])
-    # what each message says can be said
-    stated = convert([retract], Answers.from_words(sign="none", contact="file")).tests[0]
-    np.testing.assert_allclose(stated.force, back.load, atol=1e-5)
-
-
-def test_files_beside_it_do_not_move_one_that_begins_at_its_zero_without_force(tmp_path):
-    others = []
-    for seed, speed in enumerate((1.0, 2.0)):
-        late = pressed(0.9, speed=speed, hold=1.0, rate=50.0, seed=seed)
-        shifted = Pressed(late.time, late.way + 0.9, late.load)
-        others.append(written(tmp_path, f"late{seed}.csv", NAMES, *rows_of(shifted)))
-    at_once = pressed(0.0, hold=1.0, rate=50.0, seed=7)
-    own = written(tmp_path, "own.csv", NAMES, *rows_of(at_once))
-    for files in ([own], [own, *others], [*others, own]):
-        test = next(one for one in convert(files).tests if one.test == "own")
-        assert test.zero == 0.0
-        np.testing.assert_allclose(test.force, at_once.load, atol=1e-5)
-        assert "begins beyond it" not in " ".join(test.findings)
-
-
-def creep(force=1.0):
-    time = np.geomspace(0.01, 40.0, 80)
-    return Pressed(time, 0.03 + 0.2 * (1.0 - np.exp(-time)), np.full(80, force))
-
-
-def test_a_converted_creep_says_what_is_prescribed(tmp_path):
-    write_tidy(convert([written(tmp_path, "a.csv", NAMES, *rows_of(creep()))]), tmp_path / "t.csv")
-    assert read_measurements(tmp_path / "t.csv").pads[0].tests[0].control == Control.FORCE
 
 
 def test_no_message_has_bytes_of_a_file_that_is_no_text(tmp_path):
@@ -101,7 +51,7 @@ def test_records_that_begin_at_zero_keep_their_first_rows():
     assert unread_rows(time, np.where(time < 0.05, 0.0, 30.0 + ramp), 2.0 * ramp) == 3
 
 
-def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
+def test_names_of_a_speed_are_no_mean_specimen():
     means = ("Mean", "Mittelwert", "Moyenne", "Average", "Eprouvette moyenne", "Mittelwertprobe",
              "Mean curve",
              "Silicone mean", "Moyenne des éprouvettes", "Kurven Mittelwert")  # fmt: skip
@@ -109,12 +59,6 @@ def test_names_of_a_speed_are_no_mean_specimen(tmp_path):
     tests = ("vitesse moyenne", "mean speed", "mittlere Geschwindigkeit", "velocidad media",
              "average rate", "compression moyenne")  # fmt: skip
     assert not any(map(is_mean, tests))
-    pytest.importorskip("python_calamine")
-    path = workbook(tmp_path / "a.xlsx", ["vitesse lente", "vitesse moyenne", "Moyenne"])
-    found = convert([path])
-    assert [test.test for test in found.tests] == ["vitesse lente", "vitesse moyenne"]
-    (dropped,) = found.tests[0].dropped
-    assert dropped == "rows of the mean specimen 'Moyenne'"
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def with_values(rows, value, record=RECORD):
 
 @pytest.mark.parametrize(
     "code",
-    [-999.0, -9999.0, 9999.0, -99.0, 99.99, -999.25, -32768.0, 9.9e37, 9.99e37, -1e30, 1e160],
+    [-999.0, 9999.0, -99.0, 99.99, -999.25, -32768.0, 9.9e37, -1e30, 1e160],
 )
 def test_codes_of_loggers_are_no_readings(code):
     found = no_readings(with_values([3, 20, 21], code))

@@ -1,6 +1,7 @@
 """Lines above a table state pads and clocks; files that differ are told, and what lacks."""
 
 import re
+from shutil import copy
 
 import numpy as np
 import pytest
@@ -143,7 +144,9 @@ def test_a_key_and_its_value_may_share_a_cell(line):
         ("Time (s); Displacement (mm); Force (N)", "! ", ";"),
     ],
 )
-def test_names_in_a_comment_above_the_numbers_are_read(tmp_path, header, comments, delimiter):
+def test_names_in_a_comment_above_the_numbers_are_read_and_joined(
+    tmp_path, header, comments, delimiter
+):
     one = pressed(0.4, hold=1.0, rate=50.0)
     file = tmp_path / "P.txt"
     columns = np.c_[one.time, one.way, one.load]
@@ -152,19 +155,12 @@ def test_names_in_a_comment_above_the_numbers_are_read(tmp_path, header, comment
     assert pad.name == ("P" if "specimen" in header else "pad")
     assert (pad.units.displacement, pad.units.force) == ("mm", "N")
     (test,) = pad.tests
+    if header.startswith("time_s,"):
+        (tmp_path / "all.csv").write_bytes(joined([file, copy(file, tmp_path / "2.txt")], "P"))
+        (pad,) = read_measurements(tmp_path / "all.csv").pads
+        assert (pad.name, [len(t.time) for t in pad.tests]) == ("P", [len(one.time)] * 2)
     assert np.array_equal(test.time, one.time)
     assert np.ptp(test.displacement) == np.ptp(one.way)
-
-
-def test_files_whose_names_stand_in_comments_are_joined(tmp_path):
-    one = pressed(0.4, hold=1.0, rate=50.0)
-    files = [tmp_path / "slow.csv", tmp_path / "quick.csv"]
-    for file in files:
-        columns = np.c_[one.time, one.way, one.load]
-        np.savetxt(file, columns, header="time_s displacement_mm force_N", delimiter=",")
-    (tmp_path / "P.csv").write_bytes(joined(files, "P"))
-    (pad,) = read_measurements(tmp_path / "P.csv").pads
-    assert (pad.name, [len(test.time) for test in pad.tests]) == ("P", [len(one.time)] * 2)
 
 
 def test_a_probe_is_a_specimen_in_german_alone():

@@ -26,21 +26,11 @@ def test_units_follow_from_displacement_and_force_and_columns_carry_suffixes():
 
 @pytest.mark.parametrize(
     ("quantity", "suffix", "ours"),
-    [
-        ("time", "ms", 0.001),
-        ("time", "min", 60.0),
-        ("displacement", "um", 0.001),
-        ("displacement", "nm", 1e-6),
-        ("displacement", "m", 1000.0),
-        ("force", "mN", 0.001),
-        ("force_sd", "uN", 1e-6),
-        ("force", "nN", 1e-9),
-        ("stress", "MPa", 1000.0),
-        ("stress_sd", "Pa", 0.001),
-        ("start", "min", 60.0),
-        ("strain", "", 1.0),
-    ],
-)
+    [("time", "ms", 0.001), ("time", "min", 60.0), ("displacement", "um", 0.001),
+     ("displacement", "nm", 1e-6), ("displacement", "m", 1000.0), ("force", "mN", 0.001),
+     ("force_sd", "uN", 1e-6), ("force", "nN", 1e-9), ("stress", "MPa", 1000.0),
+     ("stress_sd", "Pa", 0.001), ("start", "min", 60.0), ("strain", "", 1.0)],
+)  # fmt: skip
 def test_one_of_a_unit_is_the_nearest_float_in_ours(quantity, suffix, ours):
     values = np.array([1.0])
     SUFFIXES[quantity][suffix].convert(values)

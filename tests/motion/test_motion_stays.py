@@ -11,7 +11,7 @@ from support.solids import kinds
 
 from qlvbayes.motion.bounds import departure_of
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.sensor import dither, encoder_step, tolerance
+from qlvbayes.motion.sensor import encoder_step, tolerance
 from qlvbayes.motion.trajectory import smooth
 
 RECORD = Path(__file__).parents[3] / "shared" / "records" / "scatter_quarter_step.csv"
@@ -53,20 +53,6 @@ def test_the_record_with_scatter_of_a_quarter_step():
     assert np.abs(fit.displacement(np.linspace(0.0, 41.18, 50_001))).max() < 2.002
     assert fit.knots.size == 4
     assert phases(fit) == ["hold", "ramp", "hold"]
-
-
-def test_rounding_alone_is_no_dither():
-    t = np.arange(0.0, 10.0, 1e-3)
-    for x in (0.1 * t, np.sin(t), press(t)):
-        assert dither(rounded(x, STEP), STEP) == 0.0
-
-
-def test_noise_beside_an_encoders_steps_is_at_least_the_scatter():
-    rng = np.random.default_rng(3)
-    for share in (0.25, 0.5, 1.0):
-        x = np.round(0.3 + share * rng.normal(size=5000))
-        noise = tolerance(np.arange(5000.0), x, 1.0).noise
-        assert share * 0.9 < noise < share * 2.0
 
 
 def test_a_platen_that_overshoots_and_settles_holds_from_its_farthest_point():

@@ -60,31 +60,35 @@ def thinned():
 
 
 @pytest.mark.slow
-def test_white_and_correlated_noise_are_told_apart():
-    white, ou, tau, total = draws(16, 1).T
-    assert_centred(white, WHITE, 0.03)
-    assert_centred(total, np.hypot(WHITE, OU), 0.05)
-    assert_centred(ou, OU, 0.05)
-    assert 0.3 < np.median(tau) < 0.8
-    assert white.std() < 0.03 * WHITE
-    assert total.std() < 0.08 * np.hypot(WHITE, OU)
+@pytest.mark.parametrize(
+    ("count", "seed", "options", "shares"),
+    [
+        (16, 1, {}, {"white": 0.03, "total": 0.05, "ou": 0.05}),
+        (20, 4, {"rows": thinned()}, {"white": 0.03, "total": 0.10}),
+        (30, 5, {"tests": 1}, {"white": 0.03, "total": 0.10}),
+    ],
+    ids=["whole", "thinned", "one test"],
+)
+def test_white_and_correlated_noise_are_told_apart(count, seed, options, shares):
+    found = dict(zip(("white", "ou", "tau", "total"), draws(count, seed, **options).T, strict=True))
+    truth = {"white": WHITE, "ou": OU, "total": np.hypot(WHITE, OU)}
+    for name, share in shares.items():
+        assert_centred(found[name], truth[name], share)
+    if not options:
+        assert 0.3 < np.median(found["tau"]) < 0.8
+        assert found["white"].std() < 0.03 * WHITE
+        assert found["total"].std() < 0.08 * np.hypot(WHITE, OU)
 
 
 @pytest.mark.slow
-def test_white_noise_alone_is_called_white():
+def test_white_noise_alone_is_called_white_and_correlated_alone_is_not():
     white, ou, _, _ = draws(20, 2, ou=0.0).T
     assert_centred(white, WHITE, 0.02)
     assert np.count_nonzero(ou < 0.3 * WHITE) >= 19
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("count", "seed", "options"), [(20, 4, {"rows": thinned()}), (30, 5, {"tests": 1})]
-)
-def test_thinned_records_and_one_test_alone(count, seed, options):
-    white, _, _, total = draws(count, seed, **options).T
-    assert_centred(white, WHITE, 0.03)
-    assert_centred(total, np.hypot(WHITE, OU), 0.10)
+    white, ou, tau, _ = draws(10, 10, white=0.0, ou=0.006, tau=1.0, rows=thinned()).T
+    assert_centred(ou, 0.006, 0.15)
+    assert white.max() < 0.05 * 0.006
+    assert 0.6 < np.median(tau) < 1.6
 
 
 def test_drift_of_the_force_is_no_noise():
@@ -192,14 +196,6 @@ def test_the_draws_hold_the_truth_as_often_as_they_say(seed, count, options, lea
     truth = {"white": WHITE, "ou": OU, "tau": options.get("tau", TAU)}
     for name, share in least.items():
         assert coverage(floors, name, truth[name]) > share
-
-
-@pytest.mark.slow
-def test_correlated_noise_without_a_white_part():
-    white, ou, tau, _ = draws(10, 10, white=0.0, ou=0.006, tau=1.0, rows=thinned()).T
-    assert_centred(ou, 0.006, 0.15)
-    assert white.max() < 0.05 * 0.006
-    assert 0.6 < np.median(tau) < 1.6
 
 
 def test_noise_that_grows_with_the_force_is_told():

@@ -190,16 +190,6 @@ def test_a_few_scattered_readings_are_never_left_far(seed):
         assert np.abs(smooth(t, x).displacement(t) - x).max() <= 0.05 * np.ptp(x) + 1e-12
 
 
-def test_displacement_is_continuous_and_velocity_is_its_slope():
-    motion, t, offset = rig(np.random.default_rng(0), 20.0)
-    fit = smooth(t, read(motion.at(t)[0], offset=offset))
-    jump = fit.displacement(fit.kinks + 1e-9) - fit.displacement(fit.kinks - 1e-9)
-    assert np.abs(jump).max() < 1e-6
-    fine = np.linspace(t[0], t[-1], 40_001)
-    change = np.sum(0.5 * np.diff(fine) * (fit.velocity(fine[1:]) + fit.velocity(fine[:-1])))
-    assert change == pytest.approx(np.diff(fit.displacement(t[[0, -1]]))[0], abs=1e-3)
-
-
 coefficient = st.floats(-10.0, 10.0).map(lambda c: round(c, 3))
 
 
