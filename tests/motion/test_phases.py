@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import motions
-from support.solids import kinds
+from support.solids import kinds, made_ready
 
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import Test
 from qlvbayes.motion.phases import find_phases, loading_rate
 from qlvbayes.motion.trajectory import smooth
 
@@ -54,12 +55,6 @@ def test_a_staircase_up_and_down(speed):
     phases = find_phases(smooth(t, x))
     cover(phases, t)
     assert kinds(phases) == ["ramp", "hold"] * 5 + ["unload", "recovery"] * 5
-
-
-def test_cycles_without_rests():
-    t = np.arange(0.0, 3.25, 1e-3)
-    fit = rounded(t, 0.5 * (1.0 - np.cos(2 * np.pi * t)), STEP)
-    assert moving(find_phases(fit)) == ["ramp", "unload"] * 3 + ["ramp"]
 
 
 def relaxed(t, since, size, tau):
@@ -189,3 +184,36 @@ def test_a_ramp_ends_anywhere_between_two_readings(start, depth, brake, over):
     motion = smooth(time, way, 0.0)
     assert motion.top_speed < 3.0
     assert kinds(find_phases(motion))[-2:] == ["ramp", "hold"]
+
+
+TIME = np.arange(0.0, 30.0, 0.02)
+DOWN = np.interp(TIME, [0.5, 1.5], [60.0, 58.0])
+
+
+JITTER = 2e-3 * (np.random.default_rng(1).random(TIME.size) > 0.5)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "force", "says"),
+    [
+        (DOWN, 60.0 - DOWN,
+         ("its displacement only falls, from 60 to 58 mm, while the force rises",
+          "its value at first contact minus each value")),
+        (DOWN - 58.0, DOWN - 58.0,
+         ("only falls, from 2 to 0 mm, and the force falls with it",
+          "add the rows of the loading before it",
+          "multiply displacement and force by -1 if this is the loading")),
+        (2.0 + JITTER, np.exp(-TIME / 5.0),
+         ("its displacement changes by 0.002 mm only",
+          "add the rows of the ramp before this hold, or delete the test")),
+    ],
+    ids=["turned over", "unloading alone", "hold alone"],
+)  # fmt: skip
+def test_a_test_without_a_ramp_is_refused_with_its_remedy(displacement, force, says):
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
+    with pytest.raises(InputError) as caught:
+        made_ready(Test("slow", "p", TIME, displacement, force + noise))
+    text = str(caught.value)
+    assert text.startswith("test slow of pad p holds no loading ramp: ")
+    assert "\n" not in text
+    assert all(words in text for words in says)
