@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ import pytest
 from support.controlled import press_and_pause, record_controlled
 from support.endtoend import call, one_line
 from support.hidden_pads import FEW
+from support.solids import made_ready
 
 from qlvbayes import InputError
 from qlvbayes.fitting.fit import fit_pad
@@ -23,7 +24,6 @@ from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
-from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.facts import covered
 from qlvbayes.motion.pad import arguments_of, refuse_unknown
 from qlvbayes.plots.look import plot_look
@@ -59,8 +59,7 @@ def without_rows(test, low, high):
     return Test("t", "B", *(column[kept] for column in columns))
 
 
-def prepared(*tests, **chosen):
-    return prepare(Pad("B", tests, PAD), all_tests=True, **chosen)
+prepared = partial(made_ready, all_tests=True)
 
 
 def same(one, two):
@@ -190,7 +189,7 @@ def test_a_force_that_is_held_is_seen_without_the_readings_left_out():
 
 @pytest.mark.parametrize(
     ("text", "spans"),
-    [("t:5..7s", "5 to 7 s"), ("B/t:5000..7000 ms", "5 to 7 s"), ("t:20..s", "20 to 22.4 s"),
+    [("t:5..7s", "5 to 7 s"), ("p/t:5000..7000 ms", "5 to 7 s"), ("t:20..s", "20 to 22.4 s"),
      ("t:hold 1", "1.62 to 11.6 s"), ("t:unloading", "11.62 to 12.4 s"),
      ("t:0..100um", "0 to 0.1 s"), ("t:1.2..1.5mm", "1.2 to 1.5 s and 11.72 to 12 s")],
 )  # fmt: skip

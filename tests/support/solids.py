@@ -1,5 +1,8 @@
 """Forces of solids that remember, and pads made ready from a few tests."""
 
+import pickle
+from functools import cache
+
 import numpy as np
 
 from qlvbayes.io.data import Pad
@@ -16,7 +19,13 @@ def solid(time, elastic, lasting, fading, tau):
 
 
 def made_ready(*tests, units=PAD, **chosen):
-    """The experiment of a pad with these tests."""
+    """The experiment of a pad with these tests; the same ones are made ready once."""
+    return _made_ready(pickle.dumps((tests, units, chosen)))
+
+
+@cache
+def _made_ready(pickled):
+    tests, units, chosen = pickle.loads(pickled)
     return prepare(Pad("p", tests, units), **chosen)
 
 
