@@ -128,9 +128,9 @@ def test_the_error_of_contact_is_in_the_tidy_file_and_in_what_reads_it(tmp_path)
 
 
 def test_the_force_that_is_taken_off_is_as_uncertain_as_is_told(tmp_path):
-    """Over 24 files the errors are about one standard error, also of correlated noise."""
+    """Over 16 files the errors are about one standard error, also of correlated noise."""
     off = []
-    for seed in range(24):
+    for seed in range(16):
         press, rng = pressed(1.2, seed=seed), np.random.default_rng(100 + seed)
         noise = 0.003 * rng.standard_normal(press.load.size)
         for k in range(1, noise.size):

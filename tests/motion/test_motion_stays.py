@@ -91,7 +91,7 @@ def test_means_of_rounded_readings_have_the_roundings_step():
 
 def test_scatter_of_a_motion_that_turns_ten_times_is_no_motion():
     rng = np.random.default_rng(5)
-    t = np.arange(0.0, 9.0, 5e-4)
+    t = np.arange(0.0, 9.0, 2e-4)
     true = np.interp(t, np.arange(0.0, 10.0, 1.5), [0.0, 2.0] * 3 + [0.0])
     fit = smooth(t, rounded(true + 0.25 * STEP * rng.normal(size=t.size), STEP))
     assert fit.knots.size < 20
