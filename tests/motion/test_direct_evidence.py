@@ -74,7 +74,7 @@ def rubbed(speed):
 
 @pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 def test_nothing_is_beyond_doubt_on_an_empty_pad(protocol, seed):
     experiment = hidden_pad(rates=(1.0, 20.0), protocol=PROTOCOLS[protocol], seed=seed)
     assert beyond_doubt(experiment) == set()
@@ -151,7 +151,7 @@ def test_a_frame_that_rings_after_stops_is_heard_and_a_hum_is_no_ringing():
 
 
 @pytest.mark.parametrize(("delay", "ramp_up"), [(0.02, 0.1), (0.03, 0.1), (0.06, 0.3)])
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_a_force_that_follows_stops_late_is_measured(delay, ramp_up):
     """A pad that relaxes, with a drag that is as good as 4 ms less, at 100 readings a second."""
 

@@ -189,7 +189,7 @@ def test_a_force_that_is_held_is_seen_without_the_readings_left_out():
 
 @pytest.mark.parametrize(
     ("text", "spans"),
-    [("t:5..7s", "5 to 7 s"), ("p/t:5000..7000 ms", "5 to 7 s"), ("t:20..s", "20 to 22.4 s"),
+    [("t:5..7s", "5 to 7 s"), ("B/t:5000..7000 ms", "5 to 7 s"), ("t:20..s", "20 to 22.4 s"),
      ("t:hold 1", "1.62 to 11.6 s"), ("t:unloading", "11.62 to 12.4 s"),
      ("t:0..100um", "0 to 0.1 s"), ("t:1.2..1.5mm", "1.2 to 1.5 s and 11.72 to 12 s")],
 )  # fmt: skip

@@ -107,7 +107,7 @@ def test_drift_of_the_force_is_no_noise():
 def test_a_quick_relaxation_that_few_readings_show_is_no_noise(readings):
     """It takes 0.16 s in a dwell of 30 s, and is first read after 0.05 s."""
     spread = np.geomspace(50, 29_990, readings).astype(int)
-    white, ou, _, total = draws(8, 15, rows=np.concatenate([spread, 30_000 + spread])).T
+    white, ou, _, total = draws(6, 15, rows=np.concatenate([spread, 30_000 + spread])).T
     assert np.all(total < 1.5 * np.hypot(WHITE, OU))
     assert np.all(white > 0.5 * WHITE)
     assert np.all(ou < 2.0 * OU)
@@ -150,9 +150,10 @@ def test_measured_sds_set_the_share_of_each_reading():
     rng = np.random.default_rng(6)
     sd = WHITE * (0.5 + TIME % 1.0)
     found = []
-    for _ in range(6):
-        noisy = relaxation(TIME) + sd * rng.normal(size=TIME.size)
-        found.append(measure([Record(TIME, noisy, sd)], [PHASES]).white)
+    for _ in range(10):
+        noise = [sd * rng.normal(size=TIME.size) for _ in range(2)]
+        records = [Record(TIME, relaxation(TIME) + one, sd) for one in noise]
+        found.append(measure(records, [PHASES] * 2).white)
     assert_centred(np.array(found), np.sqrt(np.mean(sd**2)), 0.02)
 
 

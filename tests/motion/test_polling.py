@@ -40,6 +40,7 @@ def moved(trial):
 
 
 @pytest.mark.parametrize(("rows", "first"), [(2, 1), (3, 0), (5, 0), (10, 0), (10, 7)])
+@pytest.mark.few(3)
 def test_the_motion_goes_smoothly_between_the_readings_of_a_slow_encoder(rows, first):
     time, x, read = pressed()
     experiment = made_ready(a_test(repeated(read, rows, first), x))
@@ -125,7 +126,7 @@ def held(test, lengths):
 
 
 @pytest.mark.parametrize("lengths", [2, 3, 10, 25, *JITTER])
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 def test_only_the_first_row_of_each_repeat_counts(lengths):
     tests, firsts = zip(*(held(touched(SLOW, k, f"t{k}"), lengths) for k in (1, 2)), strict=True)
     experiment = made_ready(*tests)
@@ -149,7 +150,7 @@ def test_a_quick_test_shows_it_beside_others_and_where_the_platen_rests(courses)
 @pytest.mark.parametrize("step", [1e-4, 0.01, 0.03, 0.1])
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 @pytest.mark.parametrize("course", [SLOW, QUICK])
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 def test_a_converter_however_coarse_is_read_in_every_row(step, noise, course):
     test, other = touched(course, 3), touched(course, 4)
     force = other.force + noise * (test.force - other.force)
