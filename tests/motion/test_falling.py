@@ -108,11 +108,7 @@ def test_a_strip_that_tears_four_times():
 
 
 def steered(speed, ramp_up, *, jerk=0.0, stroke=5.0, dwell=2.0, back=0.0):
-    """A platen that goes in by a stroke and rests, then moves back by so much: time (s), motion.
-
-    The speed (mm/s) is reached within ``ramp_up`` (s); a jerk-limited acceleration changes within
-    ``jerk`` (s).
-    """
+    """A platen's strokes at a speed (mm/s) reached within ramp_up (s): time (s), motion."""
     step = 1e-3
 
     def trapezoid(length):

@@ -174,10 +174,7 @@ def test_measured_adhesive_staircases():
     over=st.sampled_from([0.0, 2e-5, 5e-5]),
 )
 def test_a_ramp_ends_anywhere_between_two_readings(start, depth, brake, over):
-    """A testing machine's file: 10 readings a second, a controlled stop, a trace of overshoot.
-
-    Where the stop is at a reading, within rounding, there is no piece of any speed in between.
-    """
+    """A testing machine's file: 10 readings a second, a controlled stop, a trace of overshoot."""
     time = np.round(np.arange(0.0, 17.9, 0.1), 10)
     moving = np.clip(time - start, 0.0, None)  # at 1 mm/s
     left = np.clip(depth + 0.5 * brake - moving, 0.0, brake)

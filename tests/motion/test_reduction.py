@@ -188,11 +188,7 @@ def estimate(noise, record, blocks):
 @pytest.mark.parametrize("kind", NOISE)
 @pytest.mark.few(1)
 def test_blocks_say_as_much_as_every_sample(record, kind, rate):
-    """Sds grow by less than a tenth, and nothing but chance moves the means.
-
-    The record has no noise, so what moves the means here is the reduction alone (blocks, two nodes,
-    a coarser grid), with the encoder's steps, which both have.
-    """
+    """Sds grow by less than a tenth; of a record without noise the reduction moves no mean."""
     shift, spread = estimate(NOISE[kind], record(rate), blocks=True)
     full_shift, full_spread = estimate(NOISE[kind], record(rate), blocks=False)
     assert np.all(np.abs(shift - full_shift) < 0.1 * full_spread)
