@@ -39,7 +39,7 @@ def errors_of(motion, interval, step=STEP):
 @pytest.mark.parametrize("interval", [0.01, 0.03])
 @pytest.mark.few(1)
 def test_the_force_of_a_known_mass_is_off_by_as_much_as_is_stated(interval):
-    """Chi squared is that of the readings, within a factor of two; else it is over ten times that."""
+    """Chi squared is that of the readings, within a factor of two; else over ten times that."""
     rng = np.random.default_rng(4)
     squares, alone, count, states = 0.0, 0.0, 0, []
     for _ in range(4):
