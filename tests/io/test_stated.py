@@ -1,16 +1,20 @@
-"""Lines above a table state pads and clocks; files that differ are told, and what lacks."""
+"""What files of strangers state, lack and show: pads, clocks, signs, units, remedies."""
 
 import re
+from pathlib import Path
+from shutil import copy
 
 import numpy as np
 import pytest
 from support.endtoend import call
-from support.machine_files import pressed
+from support.machine_files import CORPUS, pressed
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.conversion import convert
-from qlvbayes.io.data import read_measurements
+from qlvbayes.io.columns import is_mean, split_header
+from qlvbayes.io.conversion import convert, write_csv, write_tidy
+from qlvbayes.io.data import Control, read_measurements
 from qlvbayes.io.loading import Answers
+from qlvbayes.io.readings import unread_rows
 from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.stated import stated_above
 from qlvbayes.io.tidy import joined
@@ -97,53 +101,42 @@ def test_a_date_with_day_and_month_in_either_order_serves_within_its_day(tmp_pat
 
 @pytest.mark.parametrize(
     ("line", "began"),
-    [
-        ("Date: 2026-11-24T09:26:05", 1795512365.0),
-        ("Datum;24.11.2026 09:26", 1795512360.0),
-        ("Date\t11/24/2026 9:26:05 PM", 1795555565.0),
-        ("Test date: 24 Nov 2026, 09:26:05", 1795512365.0),
-        ("Calibration date: 2026-11-24 09:26:05", None),
-        ("Date: 31.02.2026 09:26:05", None),
-        ("Date: 2026-11-24", None),
-        ("# started: 2026-11-24 09:26:05", 1795512365.0),
-        ("// Begin: 24.11.2026 09:26:05", 1795512365.0),
-        ("! recorded on\t2026-11-24T09:26:05", 1795512365.0),
-        ("Specimen: Pad P\t\tStarted: 2026-11-24 09:26:05", 1795512365.0),
-        ("% finished: 2026-11-24 09:26:05", None),
-    ],
-)
+    [("Date: 2026-11-24T09:26:05", 5), ("Datum;24.11.2026 09:26", 0),
+     ("Date\t11/24/2026 9:26:05 PM", 43205), ("Test date: 24 Nov 2026, 09:26:05", 5),
+     ("# started: 2026-11-24 09:26:05", 5), ("// Begin: 24.11.2026 09:26:05", 5),
+     ("! recorded on\t2026-11-24T09:26:05", 5),
+     ("Specimen: Pad P\t\tStarted: 2026-11-24 09:26:05", 5),
+     ("Calibration date: 2026-11-24 09:26:05", None), ("Date: 31.02.2026 09:26:05", None),
+     ("Date: 2026-11-24", None), ("% finished: 2026-11-24 09:26:05", None)],
+)  # fmt: skip
 def test_dates_that_can_mean_one_thing_are_read(line, began):
-    assert stated_above([line]).began == began
+    assert stated_above([line]).began == (None if began is None else 1795512360.0 + began)
 
 
 @pytest.mark.parametrize(
-    "line",
-    [
-        "Specimen: Pad P",
-        "Specimen\tPad P",
-        "Specimen: Pad P\t\tStarted: 9:26:05",
-        "; Pad: Pad P",
-    ],
-)
-def test_a_key_and_its_value_may_share_a_cell(line):
-    assert stated_above([line]).specimen == "P"
+    ("lines", "specimen"),
+    [(["Specimen: Pad P"], "P"), (["Specimen\tPad P"], "P"), (["; Pad: Pad P"], "P"),
+     (["Specimen: Pad P\t\tStarted: 9:26:05"], "P"),
+     # a probe is a specimen in German alone
+     (["Datum: 24.11.2026", "Probe: S 1"], "S 1"), (["Probe: S 1", "Zeit;Weg;Kraft"], "S 1"),
+     (["Date: 2026-11-24", "Probe: sphere 3 mm"], ""),
+     (["Sample rate: 100 Hz", "Sample;Load (N)"], "")],
+)  # fmt: skip
+def test_a_key_and_its_value_may_share_a_cell(lines, specimen):
+    above, names = (lines[:1], lines[1:]) if ";" in lines[-1][1:] else (lines, [])
+    assert stated_above(above, *names).specimen == specimen
 
 
 @pytest.mark.parametrize(
     ("header", "comments", "delimiter"),
-    [
-        ("time_s displacement_mm force_N", "# ", " "),
-        ("time_s,displacement_mm,force_N", "# ", ","),
-        ("time_s displacement_mm force_N", "# ", ","),
-        ("time_s\tdisplacement_mm\tforce_N", "%", "\t"),
-        ("t (s), d (mm), F (N)", "% ", " "),
-        ("t [s]   d [mm]   F [N]", "# ", "\t"),
-        ("specimen: Pad P\nt (s) d (mm) F (N)", "// ", " "),
-        ("Time Displacement Force\ns mm N", "# ", "\t"),
-        ("Time (s); Displacement (mm); Force (N)", "! ", ";"),
-    ],
-)
-def test_names_in_a_comment_above_the_numbers_are_read(tmp_path, header, comments, delimiter):
+    [("time_s displacement_mm force_N", "# ", " "), ("time_s,displacement_mm,force_N", "# ", ","),
+     ("time_s displacement_mm force_N", "# ", ","), ("t (s), d (mm), F (N)", "% ", " "),
+     ("time_s\tdisplacement_mm\tforce_N", "%", "\t"), ("t [s]   d [mm]   F [N]", "# ", "\t"),
+     ("specimen: Pad P\nt (s) d (mm) F (N)", "// ", " "),
+     ("Time Displacement Force\ns mm N", "# ", "\t"),
+     ("Time (s); Displacement (mm); Force (N)", "! ", ";")],
+)  # fmt: skip
+def test_names_in_a_comment_are_read_and_joined(tmp_path, header, comments, delimiter):
     one = pressed(0.4, hold=1.0, rate=50.0)
     file = tmp_path / "P.txt"
     columns = np.c_[one.time, one.way, one.load]
@@ -152,26 +145,13 @@ def test_names_in_a_comment_above_the_numbers_are_read(tmp_path, header, comment
     assert pad.name == ("P" if "specimen" in header else "pad")
     assert (pad.units.displacement, pad.units.force) == ("mm", "N")
     (test,) = pad.tests
+    if delimiter == "," and "," not in header:
+        files = [copy(file, tmp_path / name) for name in ("slow.csv", "quick.csv")]
+        (tmp_path / "all.csv").write_bytes(joined(files, "P"))
+        (pad,) = read_measurements(tmp_path / "all.csv").pads
+        assert (pad.name, [len(t.time) for t in pad.tests]) == ("P", [len(one.time)] * 2)
     assert np.array_equal(test.time, one.time)
     assert np.ptp(test.displacement) == np.ptp(one.way)
-
-
-def test_files_whose_names_stand_in_comments_are_joined(tmp_path):
-    one = pressed(0.4, hold=1.0, rate=50.0)
-    files = [tmp_path / "slow.csv", tmp_path / "quick.csv"]
-    for file in files:
-        columns = np.c_[one.time, one.way, one.load]
-        np.savetxt(file, columns, header="time_s displacement_mm force_N", delimiter=",")
-    (tmp_path / "P.csv").write_bytes(joined(files, "P"))
-    (pad,) = read_measurements(tmp_path / "P.csv").pads
-    assert (pad.name, [len(test.time) for test in pad.tests]) == ("P", [len(one.time)] * 2)
-
-
-def test_a_probe_is_a_specimen_in_german_alone():
-    assert stated_above(["Datum: 24.11.2026", "Probe: S 1"]).specimen == "S 1"
-    assert stated_above(["Probe: S 1"], "Zeit;Weg;Kraft").specimen == "S 1"
-    assert stated_above(["Date: 2026-11-24", "Probe: sphere 3 mm"]).specimen == ""
-    assert stated_above(["Sample rate: 100 Hz", "Sample;Load (N)"]).specimen == ""
 
 
 def test_a_column_that_lacks_is_named_alone_and_the_remedy_works(tmp_path):
@@ -190,3 +170,107 @@ def test_a_column_that_lacks_is_named_alone_and_the_remedy_works(tmp_path):
     path.write_text(re.sub(r"(?m)^(.*)\t[^\t\n]*$", r"\1", lines))
     with pytest.raises(InputError, match=r"no column for force \(the file has: Time \(ms\), Pos"):
         read_measurements(path)
+
+
+STRANGERS = Path(__file__).parents[3] / "shared" / "records" / "strangers"
+NAMES = "Time (s),Displacement (mm),Force (N)"
+TEST = pressed(hold=1.0, rate=50.0)
+
+
+def rows_of(test, form="{:.5f},{:.5f},{:.5f}"):
+    return [form.format(*row) for row in zip(test.time, test.way, test.load, strict=True)]
+
+
+def file_of(folder, name, *lines):
+    path = folder / name
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+def test_a_converted_creep_says_what_is_prescribed(tmp_path):
+    stored = CORPUS / "read" / "converted_creep_says_what_is_prescribed-1.csv"
+    write_tidy(convert([stored]), tmp_path / "t.csv")
+    assert read_measurements(tmp_path / "t.csv").pads[0].tests[0].control == Control.FORCE
+
+
+def test_no_message_has_bytes_of_a_file_that_is_no_text(tmp_path):
+    path = tmp_path / "a.dat"
+    path.write_bytes(b"\x01\x02,\x03,4\n" + bytes(range(256)) * 40)
+    for answers in (Answers(), Answers.from_words(columns="1,2,3")):
+        with pytest.raises(InputError) as told:
+            convert([path], answers)
+        assert str(told.value).isascii()
+        assert "\\x" not in str(told.value)
+
+
+def test_records_that_begin_at_zero_keep_their_first_rows():
+    time = np.arange(60) / 50.0
+    ramp, step = np.clip(time - 0.1, 0.0, 0.8), np.where(time < 0.1, 0.0, 1.5)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(60) * (time >= 0.1)
+    for way in (ramp, step, step + noise, np.floor(time * 5.0) * 0.3):
+        assert unread_rows(time, way, 2.0 * way) == 0
+    assert unread_rows(time, np.where(time < 0.05, 0.0, 30.0 + ramp), 2.0 * ramp) == 3
+
+
+def test_names_of_a_speed_are_no_mean_specimen():
+    means = ("Mean", "Mittelwert", "Moyenne", "Average", "Eprouvette moyenne", "Mittelwertprobe",
+             "Mean curve",
+             "Silicone mean", "Moyenne des éprouvettes", "Kurven Mittelwert")  # fmt: skip
+    assert all(map(is_mean, means))
+    tests = ("vitesse moyenne", "mean speed", "mittlere Geschwindigkeit", "velocidad media",
+             "average rate", "compression moyenne")  # fmt: skip
+    assert not any(map(is_mean, tests))
+
+
+@pytest.mark.parametrize(
+    ("cell", "name", "unit"),
+    [("Speed mm/s", "Speed mm/s", ""), ("F/N", "F", "N"), ("s/mm", "s/mm", ""),
+     ("Force in the middle", "Force in the middle", ""), ("Strain mm/mm", "Strain mm/mm", "")],
+)  # fmt: skip
+def test_a_quotient_of_units_is_no_name_over_its_unit(cell, name, unit):
+    assert split_header(cell) == (name, unit)
+
+
+@pytest.mark.skipif(not STRANGERS.is_dir(), reason="the strangers' records are not here")
+def test_the_kept_records_of_strangers():
+    blocks = [STRANGERS / f"{name}.csv" for name in ("one_test", "two_blocks", "three_blocks")]
+    first, *others = (convert([path]).tests for path in blocks)
+    for same in others:
+        np.testing.assert_array_equal(same[0].displacement, first[0].displacement)
+        np.testing.assert_array_equal(same[0].force, first[0].force)
+    with pytest.raises(InputError, match="largest where the test begins"):
+        convert([STRANGERS / "retract.csv"])
+    assert len(convert([STRANGERS / "two_units.csv"]).tests) == 1
+    zeros = [STRANGERS / "zeros" / f"{name}.csv" for name in "ABC"]
+    assert convert(zeros).tests[-1].zero == convert(zeros[-1:]).tests[0].zero == 0.0
+    weights = [STRANGERS / f"dead_weight{more}.csv" for more in ("", "_control")]
+    plain, stated = (read_measurements(path).pads[0].tests[0] for path in weights)
+    assert plain.control == stated.control == Control.FORCE
+    assert len(convert([STRANGERS / "no_x_column.lvm"]).tests[0].time) == 486
+    with pytest.raises(InputError, match="there is no time"):
+        read_measurements(STRANGERS / "no_time.txt")
+
+
+def test_tidy_files_of_a_test_each_are_joined_to_one_of_a_pad(tmp_path):
+    header = "time_s,displacement_mm,force_N"
+    files = [file_of(tmp_path, f"v{k}.csv", header, *rows_of(TEST)) for k in (1, 2, 3)]
+    path = tmp_path / "P.csv"
+    write_csv(joined(files, "P"), path)
+    (pad,) = read_measurements(path).pads
+    assert (pad.name, [test.name for test in pad.tests]) == ("P", ["v1", "v2", "v3"])
+    alone = read_measurements(files[1]).pads[0].tests[0]
+    for one in ("time", "displacement", "force"):
+        np.testing.assert_array_equal(getattr(pad.tests[1], one), getattr(alone, one))
+    other = file_of(tmp_path, "other.csv", "time_s,force_N,displacement_mm", *rows_of(TEST))
+    with pytest.raises(InputError, match=r"are not those of v1\.csv"):
+        joined([files[0], other], "P")
+    with pytest.raises(InputError, match="names its pads or tests itself"):
+        joined([files[0], path], "P")
+
+
+@pytest.mark.parametrize("units", [None, "s,mm,N"])
+def test_columns_in_another_order_than_their_units_are_refused(tmp_path, units):
+    path = file_of(tmp_path, "a.csv", NAMES, *rows_of(TEST))
+    answers = Answers.from_words(columns="Time (s),Force (N),Displacement (mm)", units=units)
+    with pytest.raises(InputError, match="'Force' is taken as the displacement, but N is a unit"):
+        convert([path], answers)

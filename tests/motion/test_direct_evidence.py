@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.hidden_pads import hidden_pad
+from support.solids import made_ready, solid
 
 from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.effects.drags import Inertia
-from qlvbayes.io.data import Pad, Test, read_measurements
-from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.data import Test, read_measurements
 from qlvbayes.motion.evidence import direct_evidence, with_mass
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.report.firstlook import look_at
 from qlvbayes.simulate import PROTOCOLS
-from tests.support.hidden_pads import hidden_pad
 
 AWAY = Path(__file__).parents[3] / "shared" / "away"  # made by others
 REAL = AWAY.parent / "real" / "adhesive_shear.csv"
@@ -32,44 +32,51 @@ def beyond_doubt(experiment, *, bonded=False):
 
 def a_press(speed, *, ramp_up=0.05, stroke=2.0, back=2.4, rest=3.0):
     """A platen that presses, holds and moves back farther than it came: time, motion."""
-    step = 1e-3
-    duration = lambda length: length / speed + ramp_up  # noqa: E731
-    move = lambda length: np.interp(  # noqa: E731
-        np.arange(0.0, duration(length), step),
-        [0.0, ramp_up, duration(length) - ramp_up, duration(length)],
-        [0.0, speed, speed, 0.0],
-    )
-    still = np.zeros(round(rest / step))
+
+    def move(length):
+        ends = [0.0, ramp_up, length / speed, length / speed + ramp_up]
+        return np.interp(np.arange(0.0, ends[-1], 1e-3), ends, [0.0, speed, speed, 0.0])
+
+    still = np.zeros(round(rest / 1e-3))
     velocity = np.concatenate([still, move(stroke), still, -move(back), still])
-    displacement = step * np.cumsum(velocity)
-    time = step * np.arange(velocity.size)
-    return time, displacement, velocity, np.gradient(velocity, step)
+    time, displacement = 1e-3 * np.arange(velocity.size), 1e-3 * np.cumsum(velocity)
+    return time, displacement, velocity, np.gradient(velocity, 1e-3)
 
 
-def pressed(force_of, speeds=(2.0, 10.0), *, seed=0, **press):
+def pressed(force_of, speeds=(2.0, 10.0), **press):
     """The tests of a pad at some speeds, its force a function of time, depth, speed, rate."""
-    rng, tests = np.random.default_rng(seed), []
+    rng, tests = np.random.default_rng(0), []
     for speed in speeds:
         time, *motion = a_press(speed, **press)
         at = np.arange(0.0, time[-1], 0.01)
+        depth = np.round(np.interp(at, time, motion[0]), 3)
         force = np.interp(at, time, force_of(time, *motion))
-        tests.append(
-            Test(
-                name=f"{speed:g}", pad="p", time=at, role="validate",
-                displacement=np.round(np.interp(at, time, motion[0]), 3),
-                force=force + NOISE * rng.standard_normal(at.size),
-            )
-        )  # fmt: skip
-    return prepare(Pad("p", tuple(tests), UnitSystem("mm", "N")))
+        force += NOISE * rng.standard_normal(at.size)
+        tests.append(Test(f"{speed:g}", "p", at, depth, force, role="validate"))
+    return made_ready(*tests)
 
 
 def spring(depth):
     return 0.5 * np.maximum(depth, 0.0)
 
 
+def glued(time, depth, *_):
+    """The force of a pad that relaxes, and that is not left."""
+    return solid(time, depth, 0.3, 0.2, 0.5)
+
+
+def rubbed(speed):
+    """0.1 N of Dahl's friction over a way of 0.02 mm."""
+    turned, z = np.empty(speed.size), 0.0
+    for k, v in enumerate(speed):
+        z += 1e-3 * v / 0.02 * (1.0 - z * np.sign(v))
+        turned[k] = z
+    return 0.1 * turned
+
+
 @pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 def test_nothing_is_beyond_doubt_on_an_empty_pad(protocol, seed):
     experiment = hidden_pad(rates=(1.0, 20.0), protocol=PROTOCOLS[protocol], seed=seed)
     assert beyond_doubt(experiment) == set()
@@ -96,136 +103,113 @@ def test_a_drag_pulls_but_not_beyond_doubt(power):
     assert beyond_doubt(experiment) == set()
 
 
-def test_a_mass_in_air_is_measured():
+def test_a_mass_in_air_is_measured_and_told_in_a_look():
     experiment = pressed(lambda _, __, ___, a: MASS * a, stroke=10.0, back=10.0)
-    assert beyond_doubt(experiment) == {"inertia"}
-    mass = seen(experiment)["inertia"]
+    (mass,) = look_at(experiment, bonded=False).direct_evidence
+    assert (mass.effect, mass.beyond_doubt, mass.unit) == ("inertia", True, "N s2/mm")
     assert mass.value == pytest.approx(MASS, rel=0.15)
-    assert mass.unit == "N s2/mm"
+    assert "moving mass" in mass.sentence
 
 
-@pytest.mark.parametrize("lost", [0.0, 0.5])
-def test_a_guide_that_rubs_is_neither_a_pull_nor_a_drag(lost):
-    """0.1 N of Dahl's friction, and a spring of which something has relaxed when it is left."""
+@pytest.mark.parametrize(
+    ("left", "air", "speeds", "press"),
+    [
+        (1.0, 0.0, (1.0, 4.0), {"back": 4.0}),
+        (0.5, 0.0, (1.0, 4.0), {"back": 4.0}),
+        (0.6, 0.6, (0.5, 1.0, 2.0), {"stroke": 3.0, "back": 2.0}),  # it rubs on the way in
+    ],
+)
+def test_a_guide_that_rubs_is_neither_a_pull_nor_a_drag(left, air, speeds, press):
+    """Friction and a spring, of which a share is left on the way back."""
 
     def force(_, depth, speed, __):
-        turned, z = np.empty(depth.size), 0.0
-        for k in range(depth.size):
-            z += 1e-3 * speed[k] / 0.02 * (1.0 - z * np.sign(speed[k]))
-            turned[k] = z
-        return np.where(speed < 0.0, 1.0 - lost, 1.0) * spring(depth) + 0.1 * turned
+        return np.where(speed < 0.0, left, 1.0) * spring(depth - air) + rubbed(speed)
 
-    experiment = pressed(force, speeds=(1.0, 4.0), back=4.0)
+    experiment = pressed(force, speeds, **press)
     assert beyond_doubt(experiment) == {"friction"}
     assert seen(experiment)["friction"].value == pytest.approx(0.1, abs=0.01)
 
 
-def test_a_guide_that_rubs_on_the_way_in_pulls_on_the_way_back():
-    """0.1 N of Dahl's friction over 0.6 mm of air; the pad relaxes and the platen leaves it."""
-
-    def force(_, depth, speed, __):
-        turned, z = np.empty(depth.size), 0.0
-        for k in range(depth.size):
-            z += 1e-3 * speed[k] / 0.02 * (1.0 - z * np.sign(speed[k]))
-            turned[k] = z
-        return np.where(speed < 0.0, 0.6, 1.0) * spring(depth - 0.6) + 0.1 * turned
-
-    experiment = pressed(force, speeds=(0.5, 1.0, 2.0), stroke=3.0, back=2.0)
-    assert beyond_doubt(experiment) == {"friction"}
-    assert seen(experiment)["friction"].value == pytest.approx(0.1, abs=0.01)
-    drags = pressed(lambda _, d, v, __: spring(d - 0.6) + 0.05 * v, speeds=(1.0, 4.0), stroke=3.0)
+def test_a_drag_in_air_is_no_friction():
+    drags = pressed(lambda _, d, v, __: spring(d - 0.6) + 0.05 * v, (1.0, 4.0), stroke=3.0)
     assert "friction" not in beyond_doubt(drags)
 
 
-def test_a_frame_that_rings_after_stops_is_heard():
+def sway(time):
+    return 0.05 * np.sin(2.0 * np.pi * 8.0 * time)
+
+
+def test_a_frame_that_rings_after_stops_is_heard_and_a_hum_is_no_ringing():
     def force(time, depth, speed, _):
         ends = time[1:][(np.abs(speed[1:]) < 1e-9) & (np.abs(speed[:-1]) > 1e-9)]
-        rings = [
-            np.where(time > end, 0.05 * np.exp(-3.0 * (time - end)), 0.0)
-            * np.sin(2.0 * np.pi * 8.0 * (time - end))
-            for end in ends
-        ]
-        return spring(depth) + sum(rings)
+        since = [np.maximum(time - end, 0.0) for end in ends]
+        return spring(depth) + sum(np.exp(-3.0 * after) * sway(after) for after in since)
 
     experiment = pressed(force)
     assert beyond_doubt(experiment) == {"frame_ringing"}
     assert seen(experiment)["frame_ringing"].value == pytest.approx(0.05, rel=0.3)
-
-
-def test_a_hum_that_goes_on_is_no_ringing():
-    def force(time, depth, speed, _):
-        return spring(depth) + 0.05 * np.sin(2.0 * np.pi * 8.0 * time)
-
-    assert "frame_ringing" not in seen(pressed(force))
-
-
-def glued(time, depth, *_):
-    """The force of a pad that relaxes, and that is not left."""
-    relaxed = np.zeros(depth.size)
-    for k in range(1, depth.size):
-        step = depth[k] - depth[k - 1]
-        relaxed[k] = np.exp(-(time[k] - time[k - 1]) / 0.5) * (relaxed[k - 1] + step)
-    return 0.3 * depth + 0.2 * relaxed
-
-
-def late(force_of, delay):
-    """A channel of force that is late by a time (s)."""
-    return lambda time, *motion: np.interp(time - delay, time, force_of(time, *motion))
+    hum = pressed(lambda time, depth, *_: spring(depth) + sway(time))
+    assert "frame_ringing" not in seen(hum)
 
 
 @pytest.mark.parametrize(("delay", "ramp_up"), [(0.02, 0.1), (0.03, 0.1), (0.06, 0.3)])
+@pytest.mark.few(1)
 def test_a_force_that_follows_stops_late_is_measured(delay, ramp_up):
     """A pad that relaxes, with a drag that is as good as 4 ms less, at 100 readings a second."""
 
     def force(time, depth, speed, _):
         return glued(time, np.maximum(depth, 0.0)) + 0.002 * speed
 
-    plain = {"speeds": (1.0, 2.0, 4.0), "ramp_up": ramp_up}
-    assert "channel_lag" not in seen(pressed(force, **plain))
-    experiment = pressed(late(force, delay), **plain)
+    def late(time, *motion):
+        return np.interp(time - delay, time, force(time, *motion))
+
+    assert "channel_lag" not in seen(pressed(force, (1.0, 2.0, 4.0), ramp_up=ramp_up))
+    experiment = pressed(late, (1.0, 2.0, 4.0), ramp_up=ramp_up)
     assert seen(experiment)["channel_lag"].value == pytest.approx(delay - 0.004, abs=0.002)
     assert "channel_lag" in beyond_doubt(experiment)
 
 
-@pytest.mark.parametrize(("drifts", "told"), [(2e-4, True), (0.0, False)])
-def test_a_force_before_contact_that_grows_with_the_clock_is_measured(drifts, told):
+def on_the_clock(experiment, *starts, of=lambda test, start: test.force):
+    """The same tests begun at these times (s), with another force."""
+    tests = [trial.test for trial in experiment.trials]
+    return made_ready(
+        *(
+            replace(test, name=f"{k}", force=of(test, start), start_s=start, start_known=True)
+            for k, (test, start) in enumerate(zip(tests, starts, strict=True))
+        )
+    )
+
+
+def test_a_force_before_contact_that_grows_with_the_clock_is_measured():
     """Four presses a hundred seconds apart, whose load cell drifts by 0.2 mN a second."""
-    trials = pressed(lambda _, depth, *__: spring(depth), speeds=(1.0, 2.0, 3.0, 4.0)).trials
-    later = [
-        replace(one, force=one.force + drifts * (start + one.time), start_s=start, start_known=True)
-        for start, one in zip((0.0, 100.0, 200.0, 300.0), (t.test for t in trials), strict=True)
-    ]
-    experiment = prepare(Pad("p", tuple(later), UnitSystem("mm", "N")))
-    assert ("force_drift" in seen(experiment)) is told
-    assert ("force_drift" in beyond_doubt(experiment)) is told
-    if told:
-        assert seen(experiment)["force_drift"].value == pytest.approx(drifts, rel=0.05)
+    still = pressed(lambda _, depth, *__: spring(depth), speeds=(1.0, 2.0, 3.0, 4.0))
+    starts = (0.0, 100.0, 200.0, 300.0)
+    drifting = on_the_clock(
+        still, *starts, of=lambda test, start: test.force + 2e-4 * (start + test.time)
+    )
+    assert "force_drift" not in seen(on_the_clock(still, *starts))
+    assert "force_drift" in beyond_doubt(drifting)
+    assert seen(drifting)["force_drift"].value == pytest.approx(2e-4, rel=0.05)
 
 
 @pytest.mark.parametrize(("pause", "told"), [(600.0, True), (20.0, False)])
 def test_a_later_loading_is_lower_beyond_what_a_relaxation_of_any_time_may_leave(pause, told):
     """A tenth is lost from the first test to the second, which a slow mode may also do at first."""
-    (trial,) = pressed(lambda _, depth, *__: spring(depth), speeds=(2.0,)).trials
-    later = replace(
-        trial.test, name="later", force=0.9 * trial.test.force, start_s=pause, start_known=True
+    twice = pressed(lambda _, depth, *__: spring(depth), speeds=(2.0, 2.0))
+    experiment = on_the_clock(
+        twice, 0.0, pause, of=lambda test, start: test.force * (0.9 if start else 1.0)
     )
-    experiment = prepare(Pad("p", (trial.test, later), UnitSystem("mm", "N")))
     assert ("stress_softening" in seen(experiment)) is told
     assert beyond_doubt(experiment) == set()
 
 
 def without_the_last_rest(experiment):
-    stops = [trial.phases[-1].start for trial in experiment.trials]
     tests = []
-    for trial, stop in zip(experiment.trials, stops, strict=True):
-        kept, test = trial.test.time < stop, trial.test
-        tests.append(
-            replace(
-                test, time=test.time[kept], displacement=test.displacement[kept],
-                force=test.force[kept],
-            )
-        )  # fmt: skip
-    return prepare(Pad("p", tuple(tests), experiment.units))
+    for trial in experiment.trials:
+        kept, test = trial.test.time < trial.phases[-1].start, trial.test
+        parts = {key: getattr(test, key)[kept] for key in ("time", "displacement", "force")}
+        tests.append(replace(test, **parts))
+    return made_ready(*tests)
 
 
 def test_a_pull_counts_where_the_record_ends_with_it_and_a_drag_there_is_none():
@@ -244,13 +228,6 @@ def test_a_strip_that_is_sheared_back_pulls(pad, there):
         pytest.skip("the records are not here")
     (known,) = (one for one in read_measurements(REAL).pads if one.name == pad)
     assert beyond_doubt(prepare(known)) == there
-
-
-def test_it_is_part_of_a_look_in_words_and_in_its_file():
-    experiment = pressed(lambda _, __, ___, a: MASS * a, stroke=10.0, back=10.0)
-    (found,) = look_at(experiment, bonded=False).direct_evidence
-    assert found.beyond_doubt
-    assert "moving mass" in found.sentence
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,25 @@
-"""A force that falls while the platen goes on is reported; noise, spikes and holds are not."""
+"""A force that falls while the platen goes on is reported; the stiffness before it is known."""
 
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from blind.study import measured
+from hypothesis import given
+from hypothesis import strategies as st
 
+from qlvbayes.diagnosis.summary.words import _first
 from qlvbayes.io.data import Pad, Test, read_measurements
-from qlvbayes.io.units import UnitSystem
+from qlvbayes.io.units import PAD
+from qlvbayes.motion import experiment
 from qlvbayes.motion.experiment import prepare
-from qlvbayes.motion.falling import falls_of
+from qlvbayes.motion.falling import falls_of, largest_stiffness
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.trajectory import smooth
+from qlvbayes.motion.specimen import pull_notices, pull_of
+from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 RATE = 20.0  # readings a second
 NOISE = 0.01  # N
@@ -26,7 +33,7 @@ def a_pull(force_of, *, hold=0.0, seed=0):
     noise = NOISE * np.random.default_rng(seed).standard_normal(time.size)
     force = force_of(displacement) * np.where(time < 20.0, 1.0, 0.7) + noise
     test = Test(name="pull", pad="strip", time=time, displacement=displacement, force=force)
-    return Pad("strip", (test,), UnitSystem("mm", "N"))
+    return Pad("strip", (test,), PAD)
 
 
 def stretched(displacement):
@@ -39,8 +46,7 @@ def torn_at(*points):
 
 
 def falls(pad):
-    experiment = prepare(pad, keep_all_readings=True)
-    (trial,) = experiment.trials
+    (trial,) = prepare(pad, keep_all_readings=True).trials
     return falls_of(trial.test, trial.trajectory, trial.phases)
 
 
@@ -72,28 +78,24 @@ def test_a_force_that_falls_with_the_speed_alone_is_no_fall():
     lagging = np.sin(0.2 * np.pi * time - 1.0)  # its peak is 1.6 s before that of the motion
     for force in (speed, lagging - lagging[0]):
         test = Test(name="sine", pad="p", time=time, displacement=displacement, force=force)
-        assert falls(Pad("p", (test,), UnitSystem("mm", "N"))) == ()
+        assert falls(Pad("p", (test,), PAD)) == ()
 
 
-def test_what_relaxes_when_the_platen_stops_does_not_tear():
-    assert falls(a_pull(stretched, hold=10.0)) == ()
+def spoilt(seed=None):
+    """A pull with a single bad reading, or with noise that is large for a while."""
+    (test,) = a_pull(stretched).tests
+    force = test.force.copy()
+    if seed is None:
+        force[300] = 0.0
+    else:
+        large = 1.0 * np.exp(-test.time / 2.0)
+        force += large * np.random.default_rng(seed).standard_normal(test.time.size)
+    return Pad("strip", (replace(test, force=force),), PAD)
 
 
-def test_a_single_bad_reading_is_no_tear():
-    pad = a_pull(stretched)
-    force = pad.tests[0].force.copy()
-    force[300] = 0.0
-    assert falls(replace(pad, tests=(replace(pad.tests[0], force=force),))) == ()
-
-
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.few(2)
-def test_noise_that_is_large_for_a_while_is_no_tear(seed):
-    pad = a_pull(stretched)
-    test = pad.tests[0]
-    large = 1.0 * np.exp(-test.time / 2.0)
-    force = test.force + large * np.random.default_rng(seed).standard_normal(test.time.size)
-    assert falls(replace(pad, tests=(replace(test, force=force),))) == ()
+@pytest.mark.parametrize("pad", [a_pull(stretched, hold=10.0), *map(spoilt, (None, 0, 4))])
+def test_what_relaxes_a_bad_reading_and_noise_for_a_while_do_not_tear(pad):
+    assert falls(pad) == ()
 
 
 def test_a_strip_that_tears_four_times():
@@ -106,24 +108,19 @@ def test_a_strip_that_tears_four_times():
 
 
 def steered(speed, ramp_up, *, jerk=0.0, stroke=5.0, dwell=2.0, back=0.0):
-    """A platen that goes in by a stroke and rests, then moves back by so much: time (s), motion.
-
-    The speed (mm/s) is reached within ``ramp_up`` (s); a jerk-limited acceleration changes within
-    ``jerk`` (s).
-    """
+    """A platen's strokes at a speed (mm/s) reached within ramp_up (s): time (s), motion."""
     step = 1e-3
-    trapezoid = lambda length: np.interp(  # noqa: E731
-        np.arange(0.0, length / speed + ramp_up, step),
-        [0.0, ramp_up, length / speed, length / speed + ramp_up],
-        [0.0, speed, speed, 0.0],
-    )
+
+    def trapezoid(length):
+        ends = [0.0, ramp_up, length / speed, length / speed + ramp_up]
+        return np.interp(np.arange(0.0, ends[-1], step), ends, [0.0, speed, speed, 0.0])
+
     rest = np.zeros(round(dwell / step))
-    velocity = np.concatenate([rest, trapezoid(stroke), rest, -trapezoid(back or 0.0), rest])
+    velocity = np.concatenate([rest, trapezoid(stroke), rest, -trapezoid(back), rest])
     if jerk:
         width = round(jerk / step)
         velocity = np.convolve(velocity, np.full(width, 1.0 / width), mode="same")
-    time = step * np.arange(velocity.size)
-    displacement = step * np.cumsum(velocity)
+    time, displacement = step * np.arange(velocity.size), step * np.cumsum(velocity)
     return time, displacement, velocity, np.gradient(velocity, step)
 
 
@@ -131,12 +128,9 @@ def falls_at(rate, time, displacement, force, seed=0):
     """The falls in a machine's readings: so many a second, an encoder of 1 um, a noise of 1 mN."""
     at = np.arange(0.0, time[-1], 1.0 / rate)
     scatter = 1e-3 * np.random.default_rng(seed).standard_normal(at.size)
-    test = Test(
-        name="press", pad="p", time=at,
-        displacement=np.round(np.interp(at, time, displacement), 3),
-        force=np.interp(at, time, force) + scatter,
-    )  # fmt: skip
-    path = smooth(test.time, test.displacement, 1e-3)
+    read = np.round(np.interp(at, time, displacement), 3)
+    test = Test("press", "p", at, read, np.interp(at, time, force) + scatter)
+    path = experiment.smooth(at, read, 1e-3)
     return falls_of(test, path, find_phases(path))
 
 
@@ -147,20 +141,18 @@ STEERED = pytest.mark.parametrize(
 
 
 @STEERED
-def test_a_mass_that_is_moved_does_not_tear(speed, ramp_up, jerk):
+def test_a_mass_that_is_moved_and_a_drag_that_ends_do_not_tear(speed, ramp_up, jerk):
     """In air and with a pad of 0.05 N/mm below it."""
-    time, displacement, _, acceleration = steered(speed, ramp_up, jerk=jerk, back=5.0)
-    for stiffness in (0.0, 0.05):
-        for mass in (2e-4, 5e-3):  # N s2/mm
-            force = mass * acceleration + stiffness * displacement
-            assert falls_at(100.0, time, displacement, force) == ()
-
-
-@STEERED
-def test_a_drag_that_ends_with_the_motion_does_not_tear(speed, ramp_up, jerk):
-    time, displacement, velocity, _ = steered(speed, ramp_up, jerk=jerk, back=5.0)
-    force = 1.0 * velocity / speed + 0.05 * displacement
-    assert falls_at(100.0, time, displacement, force) == ()
+    time, displacement, velocity, acceleration = steered(speed, ramp_up, jerk=jerk, back=5.0)
+    below = 0.05 * displacement
+    for force in (
+        2e-4 * acceleration,  # N s2/mm
+        5e-3 * acceleration,
+        2e-4 * acceleration + below,
+        5e-3 * acceleration + below,
+        1.0 * velocity / speed + below,
+    ):
+        assert falls_at(100.0, time, displacement, force) == ()
 
 
 @STEERED
@@ -186,3 +178,76 @@ def test_a_tear_at_a_steady_speed_is_found_whatever_is_moved(speed, ramp_up, jer
     (fall,) = falls_at(100.0, time, displacement, force)
     assert fall.displacement == pytest.approx(12.0, abs=2.0 * speed / 100.0)
     assert fall.before - fall.after == pytest.approx(loss * 2.4, abs=0.2 * speed / 20.0 + 0.02)
+
+
+def a_way(force_of):
+    """A pad without memory that is pressed to 1.6 mm and let go again."""
+    way = np.linspace(0.0, 1.6, 400)
+    displacement = np.concatenate([way, way[::-1]])
+    return Test("1", "B", np.arange(800.0), displacement, force_of(displacement))
+
+
+@given(m=st.floats(0.1, 10.0), b=st.floats(0.05, 2.5), sign=st.sampled_from([1.0, -1.0]))
+def test_the_stiffness_lies_between_the_slopes_at_both_ends_of_the_last_quarter(m, b, sign):
+    """Of an exponential pad, pressed or (as some cells count) pulled."""
+    test = a_way(lambda d: sign * m / b * np.expm1(b * d))
+    assert m * np.exp(b * 0.75 * 1.6) < largest_stiffness([test]) < m * np.exp(b * 1.6)
+
+
+def test_the_stiffness_is_where_the_force_is_largest_and_a_secant_where_that_is_at_no_depth():
+    """A pad that pulls back, as it leaves the platen, harder than it was pressed."""
+    soft, hard = a_way(lambda d: 1.0 * d), a_way(lambda d: 3.0 * d)
+    assert largest_stiffness([soft, hard]) == pytest.approx(3.0)
+    soft.force[-1] = -4.0
+    assert largest_stiffness([soft]) == pytest.approx(4.0 / 1.6)
+
+
+@pytest.fixture(scope="module")
+def pad():
+    programs = {f"{rate:g}": paper_protocol(rate) for rate in (1.0, 20.0)}
+    found = record_study({"B": HiddenPad(TABLE_1["B"])}, programs, NOISES["correlated"], 0, 500)
+    return measured(found, "B")
+
+
+def pulled(pad, share, test=1):
+    """The same pulling by so much, over the peak of all, in the midst of one test's unloading."""
+    trial, force = prepare(pad).trials[test], pad.tests[test].force.copy()
+    unload = next(phase for phase in trial.phases if phase.kind == "unload")
+    rows = np.flatnonzero((trial.test.time > unload.start) & (trial.test.time < unload.stop))
+    sagitta = np.sin(np.linspace(0.0, np.pi, rows.size))
+    force[rows] = -share * max(float(t.force.max()) for t in pad.tests) * sagitta / sagitta.max()
+    tests = list(pad.tests)
+    tests[test] = replace(tests[test], force=force)
+    return prepare(replace(pad, tests=tuple(tests)))
+
+
+def test_noise_about_zero_is_no_pull(pad):
+    assert pull_of(prepare(pad)) is None
+    assert pull_notices(pulled(pad, 0.03), bonded=False) == ()
+
+
+@pytest.mark.parametrize("test", [0, 1])
+def test_the_lowest_pull_is_told_with_test_time_and_size_unless_the_specimen_may(pad, test):
+    experiment = pulled(pad, 0.08, test)
+    found, trial = pull_of(experiment), experiment.trials[test]
+    assert found.test == trial.name
+    assert found.time == trial.test.time[int(np.argmin(trial.test.force))]
+    assert found.share == pytest.approx(0.08, rel=1e-6)
+    (text,) = pull_notices(experiment, bonded=False)
+    for part in (found.test, f"{found.force:.3g} N", f"{found.time:.4g} s", "8 %", "--bonded"):
+        assert part in text
+    assert "adhesion" in text
+    assert "\n" not in text
+    assert pull_notices(experiment, bonded=True) == ()
+    assert pull_notices(experiment, bonded=False, effects=("adhesion",)) == ()
+    assert len(pull_notices(experiment, bonded=False, effects=("inertia",))) == 1
+
+
+@pytest.mark.parametrize(("named", "asked"), [((), True), (("adhesion",), False)])
+def test_what_to_do_next_begins_with_a_pull_that_has_no_name(pad, named, asked):
+    notices = pull_notices(pulled(pad, 0.08), bonded=False)
+    found = SimpleNamespace(pad="B", effects=named, stages=(SimpleNamespace(effects=()),))
+    said = _first(found, notices)
+    assert said.startswith("say first how the specimen is held, for the measured force") is asked
+    assert ("--bonded" in said) is asked
+    assert _first(found, ()) == ""

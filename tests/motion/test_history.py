@@ -178,24 +178,20 @@ def test_a_platen_that_stays_keeps_pressing_through_the_pause():
     np.testing.assert_allclose(found, true, atol=1e-6 * 2.0)
 
 
-def clocked(*starts, known=True):
+@pytest.mark.parametrize(
+    ("starts", "known", "remembered"),
+    [
+        ((0.0, 65.0, 125.0 + REST * 30.0, 190.0 + REST * 30.0), True, [2]),
+        ((0.0, 65.0, 130.0), True, [1, 0]),
+        ((0.0, 60.0 + REST * 30.0), True, []),
+        ((0.0, 65.0), False, []),  # an unknown clock
+        ((0.0, 30.0), True, []),  # an impossible one
+    ],
+)
+def test_a_pause_that_is_rest_or_a_clock_that_is_none_ends_the_memory(starts, known, remembered):
     time = np.linspace(0.0, 60.0, 20)
-    return [
-        Test(f"T{k}", "P", time, time, time, start_s=start, start_known=known)
-        for k, start in enumerate(starts)
-    ]
-
-
-def test_a_pause_that_is_rest_ends_the_memory():
-    rest = REST * 30.0
-    assert remembered_tests(3, clocked(0.0, 65.0, 125.0 + rest, 190.0 + rest), 30.0) == [2]
-    assert remembered_tests(2, clocked(0.0, 65.0, 130.0), 30.0) == [1, 0]
-    assert remembered_tests(1, clocked(0.0, 60.0 + rest), 30.0) == []
-
-
-def test_an_unknown_or_impossible_clock_carries_nothing():
-    assert remembered_tests(1, clocked(0.0, 65.0, known=False), 30.0) == []
-    assert remembered_tests(1, clocked(0.0, 30.0), 30.0) == []
+    tests = [Test("T", "P", time, time, time, start_s=start, start_known=known) for start in starts]
+    assert remembered_tests(len(tests) - 1, tests, 30.0) == remembered
 
 
 @cache
@@ -205,52 +201,41 @@ def measured(known=True, carried=True):
     found = record_sequence(
         Pad(SLOW), programs, NOISES["white"], 3, pause_s=PAUSE, continuous=carried, max_rows=400
     )
-    return MeasuredPad(
-        "P",
-        tuple(
-            Test(
-                t.name,
-                "P",
-                t.record.time,
-                t.record.displacement,
-                t.record.force,
-                start_s=t.start_s,
-                start_known=known,
-            )
-            for t in found
-        ),
-        PAD,
-    )
+    tests = (
+        Test(t.name, "P", t.record.time, t.record.displacement, t.record.force, start_s=t.start_s,
+             start_known=known)
+        for t in found
+    )  # fmt: skip
+    return MeasuredPad("P", tuple(tests), PAD)
 
 
-def test_rested_gives_the_record_of_tests_from_rest():
-    known, unknown = (prepare(measured(k), all_tests=True) for k in (True, False))
+@cache
+def experiment(known=True):
+    return prepare(measured(known), all_tests=True)
+
+
+def test_rested_gives_the_record_of_tests_from_rest_and_blocks_stay_those_of_the_test():
+    known, unknown = experiment(), experiment(known=False)
     rested = build_posterior(known, Choices(rested=True), known.trials)
     before = build_posterior(unknown, Choices(), unknown.trials)
-    assert rested.record.motion.ago is None
     carried = build_posterior(known, Choices(), known.trials)
+    assert rested.record.motion.ago is None
     assert carried.record.motion.ago is not None
     theta = np.linspace(-0.3, 0.3, before.size)[None]
     assert rested.log_density(theta) == before.log_density(theta)
     assert carried.log_density(theta) != before.log_density(theta)
-
-
-def test_blocks_and_samples_are_those_of_the_test_itself():
-    experiment = prepare(measured(), all_tests=True)
-    record = experiment.record(experiment.trials)
-    alone_ = replace(experiment, rested=True).record(experiment.trials)
-    places = np.asarray(record.nodes)
     for k in range(3):
-        times = np.asarray(record.motion.time)[k][places[k]]
-        np.testing.assert_array_equal(
-            times, np.asarray(alone_.motion.time)[k][np.asarray(alone_.nodes)[k]]
+        one, other = (
+            np.asarray(record.motion.time)[k][np.asarray(record.nodes)[k]]
+            for record in (carried.record, rested.record)
         )
+        np.testing.assert_array_equal(one, other)
 
 
 @cache
 def fitted(rested):
     choices = Choices(noise="white", rested=rested)
-    return fit_pad(prepare(measured(), all_tests=True), choices, method="least-squares")
+    return fit_pad(experiment(), choices, method="least-squares")
 
 
 @pytest.mark.slow

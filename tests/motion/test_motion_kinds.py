@@ -20,6 +20,7 @@ from support.motions import (
     triangle,
     uneven,
 )
+from support.solids import kinds
 
 from qlvbayes.motion.phases import find_phases, loading_rate
 from qlvbayes.motion.sensor import encoder_step, encoder_steps
@@ -61,16 +62,15 @@ class Seen:
     """A motion, its record, its fit, and the errors where they count."""
 
     def __init__(self, motion, t, step):
-        self.motion, self.t = motion, t
-        self.x, self.v, self.a = motion.at(t)
-        reading, self.offset = read(self.x, step)
+        self.t = t
+        x, v, a = motion.at(t)
+        reading, offset = read(x, step)
         self.fit = smooth(t, reading)
-        moving = np.abs(self.v) > 1e-3 * np.abs(self.v).max()
-        self.use = motion.away(t, 2, step) & moving
-        self.speed = (self.fit.velocity(t) - self.v)[self.use] / np.abs(self.v).max()
-        peak = max(float(np.abs(self.a).max()), 1e-9)  # sharp turns have none
-        self.rate = (self.fit.acceleration(t) - self.a)[self.use] / peak
-        self.depth = self.fit.displacement(t) - self.x - self.offset
+        use = motion.away(t, 2, step) & (np.abs(v) > 1e-3 * np.abs(v).max())
+        self.speed = (self.fit.velocity(t) - v)[use] / np.abs(v).max()
+        peak = max(float(np.abs(a).max()), 1e-9)  # sharp turns have none
+        self.rate = (self.fit.acceleration(t) - a)[use] / peak
+        self.depth = self.fit.displacement(t) - x - offset
 
 
 def rms(y):
@@ -88,10 +88,11 @@ def table(kinds):
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("jitter", JITTERS)
 @table(SMOOTH | KINKED)
-@pytest.mark.few(16)
-def test_velocity_within_2_and_acceleration_within_10_per_cent(
+@pytest.mark.few(20)
+def test_velocity_within_2_and_acceleration_within_10_per_cent_and_an_honest_error(
     motion, interval, jitter, step, request
 ):
+    """The stated error is within a factor 2 of that of a single record."""
     if "creeps" in request.node.name and step == 0.01 and jitter == 0.0:
         pytest.xfail("a hold that creeps by half an encoder step may be taken for a movement")
     seen = Seen(motion, sampled(motion, interval, jitter), step)
@@ -99,12 +100,16 @@ def test_velocity_within_2_and_acceleration_within_10_per_cent(
     assert within(seen.rate, 0.10)
     assert seen.fit.velocity_resolved
     assert seen.fit.acceleration_resolved
+    if step and jitter != 0.01:
+        sd = seen.fit.displacement_sd(seen.t)
+        assert 0.1 * rms(sd) < rms(seen.depth) < 2.2 * rms(sd)
+        assert np.all(sd > 0.0)
 
 
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("jitter", [0.0, 0.1])
 @table(SHARP)
-@pytest.mark.few(8)
+@pytest.mark.few(6)
 def test_sharp_turns_show_the_velocity_and_no_acceleration(motion, interval, jitter, step):
     seen = Seen(motion, sampled(motion, interval, jitter), step)
     assert within(seen.speed, 0.02)
@@ -116,27 +121,12 @@ def test_sharp_turns_show_the_velocity_and_no_acceleration(motion, interval, jit
 @pytest.mark.parametrize("step", STEPS[:3])
 @pytest.mark.parametrize("jitter", [0.0, 0.1])
 @table(JERKED)
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 def test_jerk_limited_moves(motion, interval, jitter, step):
     """Their acceleration is not held to 10 %: pieces of constant acceleration describe them too."""
     seen = Seen(motion, sampled(motion, interval, jitter), step)
     assert within(seen.speed, 0.02)
     assert rms(seen.rate) < 0.15
-
-
-@pytest.mark.parametrize("step", STEPS[1:])
-@pytest.mark.parametrize("jitter", [0.0, 0.1])
-@table(SMOOTH | KINKED)
-@pytest.mark.few(10)
-def test_the_stated_error_of_the_displacement_is_honest(motion, interval, jitter, step):
-    """Within a factor 2 of the true one for a single record, never beyond it where it matters.
-
-    A record at rest has one rounding error throughout, up to sqrt(3) of its sd.
-    """
-    seen = Seen(motion, sampled(motion, interval, jitter), step)
-    stated = rms(seen.fit.displacement_sd(seen.t))
-    assert 0.1 * stated < rms(seen.depth) < 2.2 * stated
-    assert np.all(seen.fit.displacement_sd(seen.t) > 0.0)
 
 
 def test_the_stated_error_over_many_records():
@@ -174,15 +164,15 @@ def test_scatter_beside_rounding():
 
 @pytest.mark.parametrize("step", STEPS)
 @table({k: v for k, v in SMOOTH.items() if "sine" in k})
-@pytest.mark.few(8)
+@pytest.mark.few(5)
 def test_cycles_are_loading_and_unloading(motion, interval, step):
     t = sampled(motion, interval)
     fit = smooth(t, read(motion.at(t)[0], step)[0])
-    kinds = [phase.kind for phase in find_phases(fit)]
-    moving = [kind for kind in kinds if kind in ("ramp", "unload")]
-    resting = len(kinds) - len(moving)
+    found = kinds(find_phases(fit))
+    moving = [kind for kind in found if kind in ("ramp", "unload")]
     assert all(a != b for a, b in pairwise(moving))
-    assert resting == (1 if motion.jumps.size else 0)  # the rest it began with
+    # the rest it began with
+    assert len(found) - len(moving) == (1 if motion.jumps.size else 0)
     v = motion.at(np.linspace(0.0, motion.duration, 20_001))[1]
     signs = np.sign(v[np.abs(v) > 1e-3 * v.max()])
     assert len(moving) == 1 + np.count_nonzero(np.diff(signs))

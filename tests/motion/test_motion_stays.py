@@ -6,11 +6,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from support.motions import rounded
+from support.solids import kinds
 
 from qlvbayes.motion.bounds import departure_of
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.sensor import dither, encoder_step, tolerance
+from qlvbayes.motion.sensor import encoder_step, tolerance
+from qlvbayes.motion.splines import Window
+from qlvbayes.motion.stretch import trapezoid
 from qlvbayes.motion.trajectory import smooth
+from qlvbayes.simulate.platen import Hold, Move, Platen
 
 RECORD = Path(__file__).parents[3] / "shared" / "records" / "scatter_quarter_step.csv"
 STEP = 1e-3
@@ -26,20 +31,20 @@ def overshot(t):
     return np.where(t < 0.7, 2.06 * np.clip((t - 0.5) / 0.2, 0.0, 1.0), 2.0 + ring)
 
 
-def kinds(fit):
-    return [phase.kind for phase in find_phases(fit)]
+def phases(fit):
+    return kinds(find_phases(fit))
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1, 0.25, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("share", [0.05, 0.25, 0.5, 3.0])
 def test_a_press_read_by_an_encoder_that_dithers(share):
     rng = np.random.default_rng(1)
     t = 0.02 * np.arange(2000)
-    x = STEP * np.round((press(t) + share * STEP * rng.normal(size=t.size)) / STEP)
+    x = rounded(press(t) + share * STEP * rng.normal(size=t.size), STEP)
     fit = smooth(t, x)
     every = np.linspace(0.0, t[-1], 50_001)
     assert np.abs(fit.displacement(every) - press(every)).max() < 2.0 * STEP * max(1.0, share)
     assert fit.knots.size == 4
-    assert kinds(fit) == ["hold", "ramp", "hold"]
+    assert phases(fit) == ["hold", "ramp", "hold"]
     assert fit.departure is None
 
 
@@ -50,28 +55,13 @@ def test_the_record_with_scatter_of_a_quarter_step():
     fit = smooth(read["time_s"].to_numpy(), read["displacement_mm"].to_numpy())
     assert np.abs(fit.displacement(np.linspace(0.0, 41.18, 50_001))).max() < 2.002
     assert fit.knots.size == 4
-    assert kinds(fit) == ["hold", "ramp", "hold"]
-
-
-def test_rounding_alone_is_no_dither():
-    t = np.arange(0.0, 10.0, 1e-3)
-    for x in (0.1 * t, np.sin(t), press(t)):
-        assert dither(STEP * np.round(x / STEP), STEP) == 0.0
-
-
-def test_noise_beside_an_encoders_steps_is_at_least_the_scatter():
-    rng = np.random.default_rng(3)
-    for share in (0.25, 0.5, 1.0):
-        x = np.round(0.3 + share * rng.normal(size=5000))
-        noise = tolerance(np.arange(5000.0), x, 1.0).noise
-        assert share * 0.9 < noise < share * 2.0
+    assert phases(fit) == ["hold", "ramp", "hold"]
 
 
 def test_a_platen_that_overshoots_and_settles_holds_from_its_farthest_point():
     t = np.arange(0.0, 5.0, 1e-3)
-    x = overshot(t)
-    fit = smooth(t, STEP * np.round(x / STEP))
-    assert kinds(fit) == ["hold", "ramp", "hold"]
+    fit = smooth(t, rounded(overshot(t), STEP))
+    assert phases(fit) == ["hold", "ramp", "hold"]
     assert fit.displacement(0.7) == pytest.approx(2.06, abs=0.01)  # the motion keeps it
 
 
@@ -86,12 +76,12 @@ def test_scatter_does_not_hide_what_follows_an_overshoot(every):
     for m in (1, 2, 4, 8):
         means = np.convolve(off, np.full(m, 1.0 / m), "valid")
         assert np.abs(means).max() < (1.0 + np.sqrt(2.0 * np.log(t.size))) * noise / np.sqrt(m)
-    assert kinds(fit) == ["hold", "ramp", "hold"]
+    assert phases(fit) == ["hold", "ramp", "hold"]
 
 
 def test_means_of_rounded_readings_have_the_roundings_step():
     t = np.arange(0.0, 2.0, 5e-5)
-    x = 0.01 * np.round(press(t) / 0.01)
+    x = rounded(press(t), 0.01)
     means = x.reshape(-1, 4).mean(axis=1)
     assert encoder_step(means) == pytest.approx(0.01)
     fit = smooth(t.reshape(-1, 4).mean(axis=1), means)
@@ -103,7 +93,7 @@ def test_scatter_of_a_motion_that_turns_ten_times_is_no_motion():
     rng = np.random.default_rng(5)
     t = np.arange(0.0, 9.0, 2e-4)
     true = np.interp(t, np.arange(0.0, 10.0, 1.5), [0.0, 2.0] * 3 + [0.0])
-    fit = smooth(t, STEP * np.round((true + 0.25 * STEP * rng.normal(size=t.size)) / STEP))
+    fit = smooth(t, rounded(true + 0.25 * STEP * rng.normal(size=t.size), STEP))
     assert fit.knots.size < 20
     assert np.abs(fit.displacement(t) - true).max() < 2.0 * STEP
 
@@ -132,11 +122,73 @@ def test_a_reading_two_steps_from_the_motion_is_told():
 
 
 def test_a_run_of_readings_is_told_that_each_alone_could_be_scatter():
-    rng = np.random.default_rng(6)
-    scatter = STEP * rng.normal(size=200)
+    scatter = STEP * np.random.default_rng(6).normal(size=200)
     assert departed(scatter, noise=STEP, step=0.0) is None
     scatter[100:116] += 3.0 * STEP
     found = departed(scatter, noise=STEP, step=0.0)
     assert 100.0 <= found.time < 116.0
-    assert found.readings > 1
     assert f"mean of {found.readings} readings" in found.notice("a", "mm")
+
+
+INTERVAL = 0.02  # s
+LIMIT = 1000.0  # mm/s2
+
+
+FINE = np.linspace(-0.1, 0.3, 4001)
+OFFSETS = pytest.mark.parametrize("offset", [0.0, 0.004, 0.011, 0.017])
+RATES = pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 100.0])
+
+
+def quick_press(rate, offset, creep=0.0):
+    """The way of a press to 1.6 mm; times of readings, ``offset`` (s) before one it begins."""
+    platen = Platen((Move(1.6, rate), Hold(5.0, creep)), LIMIT)
+    return lambda t: np.where(t < 0.0, 0.0, platen.displacement(np.maximum(t, 0.0))), (
+        np.arange(-10, 250) * INTERVAL + offset
+    )
+
+
+@pytest.mark.parametrize("creep", [0.0, 4e-4])
+@OFFSETS
+@RATES
+@pytest.mark.few(8)
+def test_a_press_of_three_to_five_readings_goes_where_the_platen_went(rate, offset, creep):
+    """And nothing overshoots that no reading shows."""
+    true, time = quick_press(rate, offset, creep)
+    found = smooth(time, true(time))
+    path = found.displacement(FINE)
+    assert path.max() < 1.6 + 1e-3
+    assert np.all(np.diff(path) > -1e-3)
+    if not creep:
+        assert np.max(np.abs(path - true(FINE))) < 0.01 * 1.6
+        assert not found.acceleration_resolved  # the gentlest way was taken
+
+
+@pytest.mark.parametrize(("rate", "offset", "creep"), [(100.0, 0.004, 0.2), (30.0, 0.017, 0.02)])
+def test_a_creep_after_a_quick_press_keeps_its_speed(rate, offset, creep):
+    """What few readings of the press leave open is no reason to follow the encoder's steps."""
+    true, time = quick_press(rate, offset, creep)
+    x = true(time)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(x.size)
+    found = smooth(time, np.round(x + noise, 3))
+    speed = creep / 5.0  # mm/s, over the hold of `quick_press`
+    off = found.velocity(np.linspace(0.3, 4.5, 5001)) - speed
+    assert np.max(np.abs(off)) < 0.05 * speed
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+def test_readings_of_a_trapezoid_give_it_back(share):
+    time = np.linspace(-0.2, 0.8, 21)
+    s = np.clip((time - 0.03) / 0.5, 0.0, 1.0)
+    early, late = s**2 / (2 * share), 1.0 - share - (1.0 - s) ** 2 / (2 * share)
+    x = np.where(s < share, early, np.where(s > 1 - share, late, s - 0.5 * share)) / (1 - share)
+    joints, pieces, worst = trapezoid(Window(time, 0.5 + 2.0 * x, -0.2, 0.8), 0.5, 2.5, 1e-10)
+    assert worst < 1e-4
+    assert joints.knots[[0, -1]] == pytest.approx([0.03, 0.53], abs=2e-3)
+    assert 2.0 * pieces.c[0, 0] == pytest.approx(2.0 / (0.25 * share * (1 - share)), rel=0.02)
+
+
+def test_where_nothing_moves_by_three_readings_there_is_no_trapezoid():
+    time = np.arange(6.0)
+    assert (
+        trapezoid(Window(time, np.array([0, 0, 0.5, 1, 1, 1.0]), 0.0, 5.0), 0.0, 1.0, 0.0) is None
+    )

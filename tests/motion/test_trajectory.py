@@ -1,153 +1,122 @@
+"""Fitted motions against platens of limited acceleration, in any unit, and what they never do."""
+
 import time as clock
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support.motions import LIMIT, rounded, sampled, trapezoids
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
+from qlvbayes.motion import experiment
 from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.sensor import encoder_step, known_scatter
 from qlvbayes.motion.trajectory import smooth
 
 PADS = Path(__file__).parents[2] / "data" / "pads.csv"
 STEP = 1e-3  # mm
-LIMIT = 1000.0  # mm/s2
-
-
-class Platen:
-    """Moves and dwells of a platen with limited acceleration, exact at any time."""
-
-    def __init__(self, *actions, start=0.0):
-        self.knots, self.rows = [start], []
-        self.x = 0.0
-        for action in actions:
-            if len(action) == 1:
-                self._piece(action[0], 0.0, 0.0)
-            else:
-                self._move(*action)
-        self.knots, (self.d, self.v, self.a) = np.array(self.knots), np.array(self.rows).T
-
-    def _piece(self, length, v, a):
-        self.rows.append((self.x, v, a))
-        self.x += v * length + 0.5 * a * length**2
-        self.knots.append(self.knots[-1] + length)
-
-    def _move(self, distance, speed):
-        sign, distance = np.sign(distance), abs(distance)
-        speed = min(speed, np.sqrt(LIMIT * distance))
-        rise = speed / LIMIT
-        self._piece(rise, 0.0, sign * LIMIT)
-        cruise = (distance - speed * rise) / speed
-        if cruise > 1e-9:
-            self._piece(cruise, sign * speed, 0.0)
-        self._piece(rise, sign * speed, -sign * LIMIT)
-
-    def at(self, t):
-        k = np.searchsorted(self.knots[1:-1], t, side="right")
-        s = t - self.knots[k]
-        v = self.v[k] + self.a[k] * s
-        return self.d[k] + s * (self.v[k] + 0.5 * s * self.a[k]), v, self.a[k]
-
-    def away(self, t, margin=3e-3):
-        return np.min(np.abs(t[:, None] - self.knots[None, 1:-1]), axis=1) > margin
-
-
-def read(x, offset=0.0):
-    return np.round((x + offset) / STEP) * STEP
+read = partial(rounded, step=STEP)
+THERE_AND_BACK = trapezoids((20.0, 1.0), (1.6, -1.6), hold=30.0, lead=0.0203)
 
 
 def rig(rng, speed, rest=1.0):
     """A ramp and hold whose kinks and encoder zero fall anywhere between samples and steps."""
-    platen = Platen((0.05 + rng.uniform(0.0, 1e-3),), (1.6, speed), (rest,))
-    t = np.arange(0.0, platen.knots[-1], 1e-3)
-    return platen, t, rng.uniform(0.0, STEP)
+    motion = trapezoids(speed, hold=rest, lead=0.05 + rng.uniform(0.0, 1e-3))
+    return motion, np.arange(0.0, motion.duration, 1e-3), rng.uniform(0.0, STEP)
+
+
+def clear(motion, t):
+    """Away from all kinks."""
+    return np.min(np.abs(t[:, None] - motion.jumps), axis=1) > 3e-3
+
+
+def assert_rates(fit, motion, t):
+    _, v, a = motion.at(t)
+    away = clear(motion, t)
+    assert np.abs(fit.velocity(t) - v)[away].max() < 0.02 * v.max()
+    assert np.abs(fit.acceleration(t) - a)[away].max() < 0.10 * LIMIT
 
 
 @pytest.mark.parametrize("speed", [20.0, 100.0])
 def test_velocity_and_acceleration_away_from_the_kinks(speed):
     rng = np.random.default_rng(int(speed))
-    for _ in range(20):
-        platen, t, offset = rig(rng, speed)
-        x, v, a = platen.at(t)
-        motion = smooth(t, read(x, offset))
-        away = platen.away(t)
-        assert np.abs(motion.velocity(t) - v)[away].max() < 0.02 * v.max()
-        assert np.abs(motion.acceleration(t) - a)[away].max() < 0.10 * LIMIT
+    for _ in range(10):
+        motion, t, offset = rig(rng, speed)
+        assert_rates(smooth(t, read(motion.at(t)[0], offset=offset)), motion, t)
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
 def test_cruising_speed_at_the_other_rates(speed):
     rng = np.random.default_rng(3)
-    for _ in range(3 if speed < 1.0 else 6):
+    for _ in range(2 if speed < 1.0 else 4):
         # Near whole steps per sample the readings beat with the encoder.
-        platen, t, offset = rig(rng, speed * (1.0 + rng.choice([0.0, 1e-3, -1e-3, 0.03])))
-        motion = smooth(t, read(platen.at(t)[0], offset))
-        cruise = np.flatnonzero((platen.v > 0.0) & (platen.a == 0.0))[0]
-        begin, end = platen.knots[cruise], platen.knots[cruise + 1]
+        motion, t, offset = rig(rng, speed * (1.0 + rng.choice([0.0, 1e-3, -1e-3, 0.03])))
+        fit = smooth(t, read(motion.at(t)[0], offset=offset))
+        begin, end = motion.jumps[1:3]  # between its ramps of speed
         middle = np.linspace(begin + 0.25 * (end - begin), end - 0.25 * (end - begin), 50)
-        assert np.allclose(motion.velocity(middle), platen.v[cruise], rtol=0.02)
+        assert np.allclose(fit.velocity(middle), motion.at(middle)[1], rtol=0.02)
 
 
 def test_displacement_within_one_step_of_the_truth_at_any_speed():
     rng = np.random.default_rng(8)
-    for _ in range(30):
-        platen, t, offset = rig(rng, np.exp(rng.uniform(np.log(0.5), np.log(100.0))), rest=0.3)
-        x = platen.at(t)[0] + offset
+    for _ in range(12):
+        motion, t, offset = rig(rng, np.exp(rng.uniform(np.log(0.5), np.log(100.0))), rest=0.3)
+        x = motion.at(t)[0] + offset
         assert np.abs(smooth(t, read(x)).displacement(t) - x).max() < STEP
 
 
-def test_holds_are_exactly_constant_and_the_step_is_found():
-    platen = Platen((0.0203,), (1.6, 20.0), (30.0,), (-1.6, 1.0), (30.0,))
-    t = np.arange(0.0, platen.knots[-1], 1e-3)
-    motion = smooth(t, read(platen.at(t)[0], 0.0003))
-    assert motion.resolution == pytest.approx(STEP, rel=1e-6)
-    for begin, end in (platen.knots[[4, 5]], platen.knots[[-2, -1]]):
+def test_holds_are_exactly_constant_the_step_is_found_and_the_cost_grows_with_the_readings():
+    t = sampled(THERE_AND_BACK, 1e-3)
+    x = read(THERE_AND_BACK.at(t)[0], offset=0.0003)
+    assert t.size > 60_000
+    begin = clock.process_time()
+    fit = smooth(t, x)
+    assert clock.process_time() - begin < 2.0
+    assert fit.resolution == pytest.approx(STEP, rel=1e-6)
+    for begin, end in (THERE_AND_BACK.jumps[[3, 4]], (THERE_AND_BACK.jumps[-1], t[-1])):
         rest = np.linspace(begin + 5e-3, end - 5e-3, 1000)
-        assert np.ptp(motion.displacement(rest)) == 0.0
-        assert np.all(motion.velocity(rest) == 0.0)
-    assert motion.knots.size <= 9
+        assert np.ptp(fit.displacement(rest)) == 0.0
+        assert np.all(fit.velocity(rest) == 0.0)
+    assert fit.knots.size <= 9
 
 
 def test_sensor_noise_instead_of_steps():
     rng = np.random.default_rng(5)
-    platen = Platen((0.1,), (1.6, 20.0), (3.0,), (-1.6, 20.0), (3.0,))
-    t = np.arange(0.0, platen.knots[-1], 1e-3)
-    x, v, _ = platen.at(t)
-    for _ in range(10):
-        motion = smooth(t, x + 1e-3 * rng.normal(size=t.size))
-        assert motion.resolution == 0.0
-        assert np.abs(motion.displacement(t) - x).max() < 3e-3
-        assert np.abs(motion.velocity(t) - v)[platen.away(t)].max() < 0.03 * 20.0
-        assert motion.velocity(np.array([1.0, 2.0])) == pytest.approx([0.0, 0.0], abs=0.0)
+    motion = trapezoids(20.0, (1.6, -1.6), hold=3.0, lead=0.1)
+    t = sampled(motion, 1e-3)
+    x, v, _ = motion.at(t)
+    for _ in range(4):
+        fit = smooth(t, x + 1e-3 * rng.normal(size=t.size))
+        assert fit.resolution == 0.0
+        assert np.abs(fit.displacement(t) - x).max() < 3e-3
+        assert np.abs(fit.velocity(t) - v)[clear(motion, t)].max() < 0.03 * 20.0
+        assert fit.velocity(np.array([1.0, 2.0])) == pytest.approx([0.0, 0.0], abs=0.0)
 
 
 def test_a_thinned_record_keeps_the_ramp():
-    platen = Platen((0.0204,), (1.6, 20.0), (30.0,))
+    motion = trapezoids(20.0, hold=30.0, lead=0.0204)
     t = np.arange(0.0, 30.0, 1e-3)
     rows = np.unique(np.concatenate([np.arange(150), np.geomspace(150, t.size - 1, 350)]))
     t = t[rows.astype(int)]
-    x, v, a = platen.at(t)
-    motion = smooth(t, read(x, 0.0002))
-    away = platen.away(t)
-    assert np.abs(motion.velocity(t) - v)[away].max() < 0.02 * 20.0
-    assert np.abs(motion.acceleration(t) - a)[away].max() < 0.10 * LIMIT
+    assert_rates(smooth(t, read(motion.at(t)[0], offset=0.0002)), motion, t)
 
 
 @pytest.mark.parametrize("begin", [0.1, 0.104, 0.108, 0.113, 0.117])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 100.0])
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 def test_stairs_too_quick_for_the_readings_are_no_scatter(speed, begin):
     """One or two readings a stair: an estimate of scatter that takes them for it follows none."""
-    platen = Platen((begin,), *[(0.4, speed), (3.3,)] * 4, (-0.8, speed), (3.3,))
-    t = np.arange(0.0, platen.knots[-1], 0.02)
-    x = read(platen.at(t)[0])
-    motion = smooth(t, x, STEP)
-    assert np.abs(motion.displacement(t) - x).max() <= STEP
-    standing = np.abs(platen.at(t - 0.02)[0] - platen.at(t + 0.02)[0]) == 0.0
-    assert np.all(motion.velocity(t[standing]) == 0.0)
+    motion = trapezoids(speed, (0.4, 0.4, 0.4, 0.4, -0.8), hold=3.3, lead=begin)
+    t = sampled(motion, 0.02)
+    x = read(motion.at(t)[0])
+    fit = smooth(t, x, STEP)
+    assert np.abs(fit.displacement(t) - x).max() <= STEP
+    standing = np.abs(motion.at(t - 0.02)[0] - motion.at(t + 0.02)[0]) < 1e-9
+    assert np.all(fit.velocity(t[standing & (t > 0.02)]) == 0.0)
 
 
 def test_a_few_stairs_of_one_size_are_not_the_encoders():
@@ -163,28 +132,27 @@ def test_few_readings_do_not_take_turns_for_scatter():
     """Five readings a stroke show none; the slow record of the same sensor does."""
     times, paths = [], []
     for speed, every in ((0.5, 0.02), (20.0, 0.017)):
-        platen = Platen((0.1,), *[(0.8, speed), (-0.8, speed)] * 4)
-        times.append(np.arange(0.0, platen.knots[-1], every))
-        paths.append(read(platen.at(times[-1])[0]))
+        motion = trapezoids(speed, (0.8, -0.8) * 4, hold=0.0, lead=0.1)
+        times.append(sampled(motion, every))
+        paths.append(read(motion.at(times[-1])[0]))
     bounds = known_scatter(times, paths, [STEP, STEP])
     assert bounds == [np.inf, 0.0]
-    alone, known = (smooth(times[1], paths[1], STEP, most) for most in bounds)
-    off = [np.abs(motion.displacement(times[1]) - paths[1]).max() for motion in (alone, known)]
-    assert max(off) <= STEP
+    for most in bounds:
+        fit = smooth(times[1], paths[1], STEP, most)
+        assert np.abs(fit.displacement(times[1]) - paths[1]).max() <= STEP
 
 
 @pytest.mark.parametrize("left", [0, 1, 2])
 def test_a_move_of_which_a_logger_lost_nearly_all_readings(left):
     """It lies between the last reading at rest and the first one after it, and only rises."""
-    platen, t, _ = rig(np.random.default_rng(0), 20.0)
-    x = platen.at(t)[0]
-    inside = np.flatnonzero((x > 0.2 * x.max()) & (x < 0.8 * x.max()) & (t < 1.0))
-    lost = (x > 0.0) & (x < x.max()) & (t < 1.0)
-    lost[inside[:left]] = False
-    motion = smooth(t[~lost], x[~lost])
-    assert np.abs(motion.displacement(t[~lost]) - x[~lost]).max() < 0.01 * x.max()
+    motion, t, _ = rig(np.random.default_rng(0), 20.0)
+    x = motion.at(t)[0]
+    lost = (t > motion.jumps[0]) & (t < motion.jumps[3])
+    lost[np.flatnonzero((x > 0.2 * x.max()) & (x < 0.8 * x.max()))[:left]] = False
+    fit = smooth(t[~lost], x[~lost])
+    assert np.abs(fit.displacement(t[~lost]) - x[~lost]).max() < 0.01 * x.max()
     within = np.flatnonzero(lost)
-    across = motion.displacement(np.linspace(t[within[0]], t[within[-1]], 200))
+    across = fit.displacement(np.linspace(t[within[0]], t[within[-1]], 200))
     assert np.all(np.diff(across) > -1e-3 * x.max())
 
 
@@ -194,9 +162,8 @@ def test_nothing_happens_in_a_gap_beside_a_rest():
     rise = 10.0 * late**3 - 15.0 * late**4 + 6.0 * late**5
     t = np.concatenate([[0.0, 0.5, 1.0, 1.5, 2.0, 4.0, 5.0], 8.0 + late[1:], [9.5, 10.0, 12.0]])
     x = np.concatenate([np.full(7, 2.0), 2.0 - 1.5 * rise[1:], np.full(3, 0.5)])
-    motion = smooth(t, x)
     every = np.linspace(0.0, 12.0, 5001)
-    found = motion.displacement(every)
+    found = smooth(t, x).displacement(every)
     assert found.max() < 2.001
     assert found.min() > 0.499
     assert np.abs(found[(every > 5.0) & (every < 7.9)] - 2.0).max() < 1e-3
@@ -205,13 +172,12 @@ def test_nothing_happens_in_a_gap_beside_a_rest():
 def test_no_knot_is_left_to_itself_between_readings():
     """Turning points of thinned triangles: straight lines follow the readings there."""
     t = np.arange(0.0, 4.0, 1e-3)
-    triangle = read(1.6 * np.abs((t % 1.0) * 2.0 - 1.0), 0.5 * STEP)
+    triangle = read(1.6 * np.abs((t % 1.0) * 2.0 - 1.0), offset=0.5 * STEP)
     rng = np.random.default_rng(3)
-    for _ in range(6):
+    for _ in range(3):
         kept = np.sort(rng.choice(t.size, 300, replace=False))
-        at, x = t[kept], np.round(triangle[kept] / 0.005) * 0.005
-        motion = smooth(at, x)
-        assert np.abs(motion.displacement(t) - triangle).max() < 0.2
+        fit = smooth(t[kept], rounded(triangle[kept], 0.005))
+        assert np.abs(fit.displacement(t) - triangle).max() < 0.2
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])
@@ -221,19 +187,7 @@ def test_a_few_scattered_readings_are_never_left_far(seed):
     for _ in range(4):
         t = np.cumsum(rng.uniform(0.01, 1.0, size=10))
         x = np.cumsum(rng.normal(size=10))
-        motion = smooth(t, x)
-        assert np.abs(motion.displacement(t) - x).max() <= 0.05 * np.ptp(x) + 1e-12
-
-
-def test_displacement_is_continuous_and_velocity_is_its_slope():
-    platen, t, offset = rig(np.random.default_rng(0), 20.0)
-    motion = smooth(t, read(platen.at(t)[0], offset))
-    before, after = motion.kinks - 1e-9, motion.kinks + 1e-9
-    assert np.abs(motion.displacement(after) - motion.displacement(before)).max() < 1e-6
-    fine = np.linspace(t[0], t[-1], 40_001)
-    change = np.sum(0.5 * np.diff(fine) * (motion.velocity(fine[1:]) + motion.velocity(fine[:-1])))
-    ends = motion.displacement(t[-1]) - motion.displacement(t[0])
-    assert change == pytest.approx(ends, abs=1e-3)
+        assert np.abs(smooth(t, x).displacement(t) - x).max() <= 0.05 * np.ptp(x) + 1e-12
 
 
 coefficient = st.floats(-10.0, 10.0).map(lambda c: round(c, 3))
@@ -247,15 +201,14 @@ coefficient = st.floats(-10.0, 10.0).map(lambda c: round(c, 3))
 def test_parabolas_are_reproduced(a, b, c, n):
     t = np.sort(np.random.default_rng(n).uniform(0.0, 1.0, size=n))
     x = a + b * t + c * t**2
-    motion = smooth(t, x)
-    assert np.abs(motion.displacement(t) - x).max() <= 1e-5 * np.ptp(x) + 1e-12
+    assert np.abs(smooth(t, x).displacement(t) - x).max() <= 1e-5 * np.ptp(x) + 1e-12
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(-3, 3), st.integers(-3, 3), st.integers(-6, 6), st.integers(0, 99))
 def test_units_of_time_and_depth_do_not_matter(slower, larger, later, seed):
-    platen, t, offset = rig(np.random.default_rng(seed), 20.0, rest=0.2)
-    x = read(platen.at(t)[0], offset)
+    motion, t, offset = rig(np.random.default_rng(seed), 20.0, rest=0.2)
+    x = read(motion.at(t)[0], offset=offset)
     # Powers of two keep the readings exact.
     time_unit, depth_unit, shift = 2.0**slower, 2.0**larger, 0.125 * later
     plain = smooth(t, x)
@@ -270,22 +223,12 @@ def test_units_of_time_and_depth_do_not_matter(slower, larger, later, seed):
 @pytest.mark.few(2)
 def test_the_bundled_motions_are_the_same_in_any_unit(unit):
     """Their encoder's steps are whole numbers in some units, and round either way in others."""
-    for test in read_measurements(PADS).pad("B").tests:
-        plain = smooth(test.time, test.displacement)
+    for test in read_measurements(PADS).pad("B").tests[::2]:
+        plain = experiment.smooth(test.time, test.displacement)
         scaled = smooth(test.time, np.round(test.displacement / STEP) * (STEP * unit))
         off = scaled.displacement(test.time) / unit - plain.displacement(test.time)
         assert np.abs(off).max() < 0.5 * STEP
         assert len(find_phases(scaled)) == len(find_phases(plain))
-
-
-def test_the_cost_grows_with_the_number_of_readings():
-    platen = Platen((0.02,), (1.6, 20.0), (30.0,), (-1.6, 1.0), (30.0,))
-    t = np.arange(0.0, platen.knots[-1], 1e-3)
-    x = read(platen.at(t)[0], 0.0003)
-    begin = clock.perf_counter()
-    smooth(t, x)
-    assert clock.perf_counter() - begin < 2.0
-    assert t.size > 60_000
 
 
 @pytest.mark.parametrize(

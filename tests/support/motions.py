@@ -99,18 +99,19 @@ def constant_jerk(pieces, order):
 
 
 def trapezoids(speed, strokes=(STROKE,), hold=1.0, lead=0.0503, creep=0.0):
-    """Strokes from rest to rest at a speed, limited to LIMIT; holds may creep (mm each)."""
+    """Strokes from rest to rest at a speed (of each); holds may creep (mm each)."""
     rows = [(lead, 0.0, 0.0, 0.0)]
-    for stroke in strokes:
+    for stroke, most in zip(strokes, np.broadcast_to(speed, len(strokes)), strict=True):
         sign, distance = np.sign(stroke), abs(stroke)
-        top = min(speed, np.sqrt(LIMIT * distance))
+        top = min(most, np.sqrt(LIMIT * distance))
         rise = top / LIMIT
         cruise = distance / top - rise
         rows.append((rise, 0.0, sign * LIMIT, 0.0))
         if cruise > 1e-9:
             rows.append((cruise, 0.0, 0.0, sign * top))
         rows.append((rise, 0.0, -sign * LIMIT, sign * top))
-        rows.append((hold, 0.0, 0.0, creep / hold))
+        if hold:
+            rows.append((hold, 0.0, 0.0, creep / hold))
     return constant_jerk(rows, 2)
 
 
@@ -195,12 +196,17 @@ def sampled(motion, interval, jitter=0.0, seed=0):
     return t
 
 
+def rounded(x, step, offset=0.0):
+    """Rounded to an encoder's steps."""
+    return np.round((x + offset) / step) * step
+
+
 def read(x, step, seed=0):
     """Rounded to an encoder step with its zero anywhere; as it is for a step of 0."""
     if step == 0.0:
         return x, 0.0
     offset = np.random.default_rng(seed).uniform(0.0, step)
-    return np.round((x + offset) / step) * step, offset
+    return rounded(x, step, offset), offset
 
 
 def stairs_that_creep():
