@@ -135,10 +135,8 @@ def test_forces_on_many_sets_are_those_of_each() -> None:
 @needs_gcc
 @pytest.mark.parametrize(
     "names",
-    [("factor_of_remembered_elastic_force", "power_drag_of_depth_squared"),
-     ("shift_of_remembered_speed", "factor_of_clock"),
-     ("force_of_remembered_largest_depth",)],
-)  # fmt: skip
+    [*PAIRS, ("force_of_remembered_largest_depth",)],
+)
 def test_the_exported_header_has_the_law(tmp_path, names: tuple[str, ...]) -> None:
     choices = described(tmp_path, *names)
     pad = exported(tmp_path, choices, spread=0.0)

@@ -21,16 +21,11 @@ NARROW = Breadth(starts=2, draws=2, shapes=1, optimised=1, redrawn=0, substitute
 SETTINGS = {"few": DiagnosisSettings(breadth=NARROW), "all": DiagnosisSettings()}
 
 
-@pytest.fixture(scope="module")
-def jump():
-    """Something in the rig gives way after the second test: a drift comes nearest."""
-    given_way = OUTSIDE["slow_creep_jump"](offset=-0.1, begin=280.0, time=15.0)
-    return diagnose(hidden_pad(given_way, rates=PAPER_RATES), kinds=FEW)
-
-
 @pytest.mark.slow
-def test_a_steady_drift_is_one_and_a_jump_in_the_middle_of_a_study_none_alone(jump):
-    """A drift may take a part of it, but something else is there and is said to be."""
+def test_a_steady_drift_is_one_and_a_jump_in_the_middle_of_a_study_none_alone():
+    """A drift may take a part of what gives way, but something else is there and said to be."""
+    given_way = OUTSIDE["slow_creep_jump"](offset=-0.1, begin=280.0, time=15.0)
+    jump = diagnose(hidden_pad(given_way, rates=PAPER_RATES), kinds=FEW)
     assert jump.result.verdict in ("partly_explained", "unexplained")
     assert jump.result.outside > 0.5
     assert "A systematic error remains beyond the noise" in jump.text()

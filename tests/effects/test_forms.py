@@ -43,9 +43,6 @@ STROKE = 1.6  # mm
 PRESSED = 1.4  # N
 STUDY = Scales(1.4, STROKE, 1e-3, 30.0, 0.01, 0.01, 1.0, speed=20.0, clock=900.0, stiffness=2.0)
 ADDED = pytest.mark.parametrize("kind", [*FORMS, *OUTSIDE], ids=names([*FORMS, *OUTSIDE]))
-STRAINED = Scales(
-    250.0, 0.3, 1e-3, 60.0, 0.1, 0.1, 1.0, speed=7.0, acceleration=180.0, clock=900.0, stiffness=1e3
-)
 
 
 def test_a_form_is_of_a_listed_family_one_is_enough_and_a_diagnosis_looks_for_the_list_alone():
@@ -56,7 +53,7 @@ def test_a_form_is_of_a_listed_family_one_is_enough_and_a_diagnosis_looks_for_th
     assert find("spreading_lag") is SpreadingLag
     with pytest.raises(InputError, match="friction and pressure_friction are forms of one effect"):
         Choices(effects=("friction", "pressure_friction"))
-    model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STRAINED)
+    model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STUDY)
     assert [added.name for added in model.effects] == ["fluid_leak", "pressure_friction"]
     assert Choices().candidates == EFFECTS
     assert set(Choices().kinds) == set(EVERY)
@@ -184,12 +181,7 @@ BETWEEN = {
         [forms.ChannelLowPass(0.4 * LAG), sensor_effects.ChannelLag(0.6 * LAG)],
     ),
     "a long toe": (GradualContact(0.1, 0.3), [GradualDepth(0.1, 0.3)]),
-    "a toe later than its depth": (GradualContact(0.2, 0.1), [GradualDepth(0.2, 0.1)]),
     "early contact": (GradualContact(-0.05, 0.2), [GradualDepth(-0.05, 0.2)]),
-    "drainage by 1.4": (
-        PowerLawDrainage(0.1, 0.5, 0.4, 1.4, STROKE),
-        [PowerDrainage(0.1, 0.5, 0.4, 1.4, STROKE)],
-    ),
     "drainage by 3": (
         PowerLawDrainage(0.1, 0.05, 0.3, 3.0, STROKE),
         [PowerDrainage(0.1, 0.05, 0.3, 3.0, STROKE)],
@@ -215,15 +207,12 @@ def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol
 def test_ligaments_pull_beyond_contact_and_tear(paper_model, speed):
     """In tests that go off the surface: to a quarter of the depth, and to part of a stretch."""
     added, twin = AdhesionAtAStretch(0.08, 0.1), forms.AdhesionAtAStretch(0.08, 0.1)
-    program = pull_off_protocol(speed)
     short = Move(1.0, speed), Hold(5.0), Move(-0.07, 1.0), Move(-0.02, 1.0), Move(-0.09, 1.0)
-    for steps in (program, short):
+    for steps in (pull_off_protocol(speed), short):
         platen = Platen(steps, start_s=START, number=2)
         assert disagreement(paper_model("B"), added, [twin], platen) < CLOSE
         force = np.asarray((paper_model("B") + added).force(motion_of(platen, grid_of(platen))))
         assert np.min(force) == pytest.approx(-0.08, rel=0.1 if steps is short else 1e-3)
-    torn = HiddenPad(TABLE_1["B"], (twin,)).force(Platen(program), np.array([15.0]))
-    assert abs(torn) < 1e-12
 
 
 def test_torn_ligaments_obey_their_equation(paper_model):

@@ -39,15 +39,6 @@ def test_every_effect_steps_or_is_refused():
     assert sorted([*EFFECTS, *REFUSED]) == sorted(kind.name for kind in EVERY)
 
 
-@pytest.mark.parametrize("name", EFFECTS)
-@pytest.mark.few(2)
-def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
-    model = paper_model("B") + effect(name)
-    force = batch(model, DEPTH)
-    assert relative(stepped(model, DEPTH, DT), force) < 1e-12
-    assert relative(force, batch(paper_model("B"), DEPTH)) > 1e-3  # it does something
-
-
 @pytest.mark.parametrize("name", INVERTED)
 @pytest.mark.few(2)
 def test_there_and_back(name, paper_model):
