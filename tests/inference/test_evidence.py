@@ -107,19 +107,6 @@ def test_density_is_that_of_the_whole_covariance(experiment, density, space, siz
     )
 
 
-def test_whitened_products_are_those_of_the_covariance(experiment, space, density):
-    blocks = space.record.blocks
-    rng = np.random.default_rng(0)
-    vectors = rng.standard_normal((2, *blocks.force.shape))
-    white = density.whitener(vectors)
-    expected = 0.0
-    for k, real in enumerate(np.asarray(blocks.real)):
-        one = type(blocks)(*(np.asarray(getattr(blocks, name))[k][real] for name in vars(blocks)))
-        sigma = mean_covariance(experiment.floor, one)
-        expected += vectors[0, k, real] @ np.linalg.solve(sigma, vectors[1, k, real])
-    assert white[0] @ white[1] == pytest.approx(expected)
-
-
 def test_gradient_is_the_slope_of_the_loss(density, space):
     hypothesis = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
     theta = median(space.prior_draws(hypothesis))
