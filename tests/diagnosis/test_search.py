@@ -119,14 +119,11 @@ class Scaled(AbstractEffect):
         return self.factor * below.force(motion)
 
 
-class Shifted(Scaled):
-    """The same under a normal prior about its null."""
-
-    name: ClassVar[str] = "shifted"
-
-    @classmethod
-    def default(cls, scales):
-        return cls(Normal(1.0, 0.1))
+Shifted = type(
+    "Shifted",
+    (Scaled,),
+    {"name": "shifted", "default": classmethod(lambda cls, scales: cls(Normal(1.0, 0.1)))},
+)
 
 
 @pytest.mark.parametrize("kind", [Scaled, Shifted])

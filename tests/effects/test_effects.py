@@ -13,11 +13,9 @@ from qlvbayes.effects import conformance
 from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
 from qlvbayes.effects.catalogue import EVERY as WITH_FORMS
 from qlvbayes.effects.conformance import EffectError, check_effect, effect_checks
-from qlvbayes.effects.contacts import ContactOffset, GradualContact
-from qlvbayes.effects.drags import Inertia, SqueezeFilm, ViscousDrag
+from qlvbayes.effects.drags import Inertia, ViscousDrag
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.fluids import FluidPressure, PowerLawDrainage
-from qlvbayes.effects.friction import Friction, PressureFriction
+from qlvbayes.effects.friction import Friction
 from qlvbayes.effects.history import largest, material_time
 from qlvbayes.effects.lags import ChannelLag
 from qlvbayes.effects.softening import PermanentSet, StressSoftening
@@ -67,11 +65,16 @@ def test_every_effect_keeps_the_rules(kind):
     check_effect(kind)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [FluidPressure, SqueezeFilm, Friction, ContactOffset, PowerLawDrainage, PressureFriction,
-     GradualContact],
-)  # fmt: skip
+OF_MANY_UNITS = [
+    "fluid_pressure",
+    "squeeze_film",
+    "friction",
+    "power_law_drainage",
+    "gradual_contact",
+]
+
+
+@pytest.mark.parametrize("kind", map(find, OF_MANY_UNITS), ids=OF_MANY_UNITS)
 @pytest.mark.slow
 def test_the_rules_hold_in_other_units_too(kind):
     check_effect(kind, STRAINED)

@@ -251,16 +251,6 @@ def test_a_guide_acts_off_the_pad_too(paper_model, added, twin, speed):
     assert np.min(force) == pytest.approx(-pull, rel=0.2)
 
 
-def test_friction_that_yields_at_once_is_a_spring_then_a_slider():
-    """The corners of its loop: over two reaches the force turns round along a straight line."""
-    way = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)[1:]])
-    motion = Motion(*map(jnp.asarray, (np.arange(way.size) * 0.1, way, 0.0 * way, 0.0 * way)))
-    force = np.asarray(SharpFriction(0.1, 0.2, 1.0).force(_Nothing(), motion))
-    loading = np.minimum(way[:101] / 0.2, 1.0)
-    back = np.maximum(1.0 - (1.0 - way[101:]) / 0.2, -1.0)
-    assert force == pytest.approx(0.1 * np.concatenate([loading, back]), abs=1e-12)
-
-
 def test_pad_and_guide_rub_alike_until_contact_is_lost_and_in_part_with_the_force(paper_model):
     """On a specimen that is fixed to the platen always, on a loose one while it is pressed."""
     platen = Platen((Move(1.2, 5.0), Move(1.0, 5.0), Move(1.1, 5.0)))

@@ -1,7 +1,6 @@
 """Densities of hypotheses: the fast way against dense algebra, quadrature and the plain model."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 from support.spaces import space_of
 
-from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.errors.discrepancy import Discrepancy
@@ -24,15 +22,8 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, predicted_decrease
 from qlvbayes.inference.starts import projected
-from qlvbayes.motion.experiment import prepare
 
-HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"
 PEAK = 1.0
-
-
-@pytest.fixture(scope="module")
-def experiment():
-    return prepare(read_study(HIDDEN).pads[0])
 
 
 @pytest.fixture(scope="module")

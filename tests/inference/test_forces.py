@@ -1,7 +1,6 @@
 """The force of a hypothesis is that of the model, for every law and effect."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import jax
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from support.spaces import space_of
 
-from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EVERY
 from qlvbayes.effects.drags import ViscousDrag
 from qlvbayes.effects.frames import FrameCompliance
@@ -21,9 +19,7 @@ from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.relaxation.prony import Prony, Spectrum
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import filled
-from qlvbayes.motion.experiment import prepare
 
-HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"
 SETS = 9  # one more than run together
 PAIRS = [
     ("strain_dependent_rate",),  # of many modes: the material's own time
@@ -60,11 +56,6 @@ class OwnDrag(ViscousDrag):
         depth = jnp.maximum(motion.displacement, -1.0)
         force = below.force(replace(motion, displacement=depth))
         return jnp.asarray(force) + self.eta * jnp.where(depth > 0.5, motion.velocity, 0.0)
-
-
-@pytest.fixture(scope="module")
-def experiment():
-    return prepare(read_study(HIDDEN).pads[0])
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import Choices, default_model
-from qlvbayes.model.noise import NOISES, Correlated
+from qlvbayes.model.noise import NOISES, Correlated, Floor, White
 from qlvbayes.model.overrides import in_words, override, parse, parse_prior
 from qlvbayes.model.parameters import draw_priors, fields_of, names, unconstrained, unit_kinds
 from qlvbayes.motion.record import Blocks, Record, batch
@@ -180,3 +180,13 @@ def test_unknown_laws_and_noises_are_refused_and_prior_draws_are_of_the_prior():
     m = model.elastic.m
     standard = (draws[:, 0] - float(m.log_median)) / float(m.log_sd)
     assert kstest(standard, "norm").pvalue > 1e-3
+
+
+def test_sample_sd_is_that_of_a_single_sample():
+    samples = Blocks.of_means(
+        np.zeros(2), np.ones(2), np.arange(2.0), np.arange(2.0), np.array([1.0, 2.0])
+    )
+    correlated = np.hypot([0.3, 0.6], 0.4)
+    assert np.allclose(White(0.4).sample_sd(samples), [0.4, 0.8])
+    assert np.allclose(Correlated(0.3, 0.4, 1.0).sample_sd(samples), correlated)
+    assert np.allclose(Floor(0.3, 0.4, 1.0, 2.0, 0.1).sample_sd(samples), 2.0 * correlated)
