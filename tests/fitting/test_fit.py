@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from support.endtoend import CONSTANTS, SHORT, TRUTH, experiment, fitted, study, true_value
 
-from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.least_squares import least_squares, part_notice
 from qlvbayes.fitting.optimum import find_start, predictor_of
@@ -114,7 +113,7 @@ def test_fixed_constants_are_exactly_that():
 
 def test_a_narrow_prior_wins_over_the_data():
     choices = Choices(priors=("b=lognormal(0.2,0.0001)",))
-    constant = fitted(choices, settings=Settings(max_steps=200)).summary()["b"]
+    constant = fitted(choices, settings=SHORT).summary()["b"]
     assert constant.mean == pytest.approx(np.exp(0.2), rel=1e-3)
 
 

@@ -119,20 +119,6 @@ def test_sizes_and_scales_are_summed_with_their_priors():
     assert log_likelihood(own, whole) == pytest.approx(logsumexp(every), rel=1e-8)
 
 
-def test_it_is_the_likelihood_of_the_diagnosis():
-    """Summed over the sizes of the diagnosis's own grid, at the floor as it is."""
-    trials, blocks = two_tests()
-    made = Discrepancy.from_blocks(experiment(), trials, blocks)
-    whole, _ = residuals(3)
-    white = made.whitener(whole[None])[0]
-    precisions = made.whitener.precisions
-    constant = 0.5 * np.log(precisions / (2.0 * np.pi)).sum()
-    for k in (0, 12):
-        expected = constant - made.loss(white, k) - made.log_prior[k]
-        own = likelihood(f"noise.remainder={float(made.sizes[k])!r}", "noise.factor=1")
-        assert log_likelihood(own, whole) == pytest.approx(expected, rel=1e-9)
-
-
 def test_what_the_user_knows_of_the_noise_leaves_nothing_open():
     """Neither in the likelihood nor in what moves the constants."""
     known = ("noise.white=0.004", "noise.ou=0")
