@@ -65,7 +65,7 @@ def test_every_effect_has_its_counterpart():
 @pytest.mark.parametrize("speed", [1.0, 20.0])
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("name", SIMULATED)
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_the_force_is_the_simulators(paper_model, name, protocol, speed):
     effect = drawn(name, int(speed))
     platen = Platen(PROTOCOLS[protocol](speed), start_s=START, number=2)
