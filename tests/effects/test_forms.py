@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -357,8 +358,12 @@ def test_ligaments_hold_on_to_a_surface_that_has_not_recovered(paper_model):
     steps = Move(1.0, 5.0), Hold(20.0), Move(-1.3, 5.0)
     platen = Platen(steps, start_s=START, number=2)
     motion = motion_of(platen, grid_of(platen))
-    plain = np.asarray((paper_model("B") + AdhesionAtAStretch(0.0, 0.05, 0.0)).force(motion))
-    sticky = np.asarray((paper_model("B") + AdhesionAtAStretch(0.2, 0.05, 0.0)).force(motion))
+
+    @jax.jit
+    def force(strength):
+        return (paper_model("B") + AdhesionAtAStretch(strength, 0.05, 0.0)).force(motion)
+
+    plain, sticky = (np.asarray(force(strength)) for strength in (0.0, 0.2))
     end = int(np.flatnonzero(plain > 0.0)[-1])
     surface = float(motion.displacement[end])
     assert surface > 0.1  # it relaxed under the press, and is not back at rest
