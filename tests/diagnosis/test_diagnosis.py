@@ -148,7 +148,9 @@ def alone():
 
 def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(alone):
     for change, words in ((0.04, "4 % too high"), (-1.58, "more than half too low")):
-        bias = ParameterBias("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
+        bias = ParameterBias(
+            "force_drift", "force_drift.rate", 1.0, 0.1, {"b": change}, visible=False
+        )
         said = "\n".join(with_changes(alone, biases=(bias,)).paragraphs())
         assert f"b would be {words}" in said
 

@@ -290,10 +290,11 @@ def test_a_record_is_the_motion_of_the_set_points_as_they_are_written(pad, tmp_p
         np.asarray(getattr(record.blocks, x))[0] for x in ("first", "last", "real")
     )
     held = real & (last < 6.4) & (first > 0.3)
-    for found in (by_words, predict_program(model, path, draws=1)):
-        expected = np.interp(0.5 * (first + last)[held], found.time, found.median)
-        assert force[held] == pytest.approx(expected, rel=0.01)
-        assert np.max(found.given) == pytest.approx(1.5)
+    expected = np.interp(0.5 * (first + last)[held], by_words.time, by_words.median)
+    assert force[held] == pytest.approx(expected, rel=0.01)
+    found = predict_program(model, path, draws=1)
+    assert np.max(found.given) == pytest.approx(1.5)
+    assert found.median.max() == pytest.approx(by_words.median.max(), rel=0.01)
 
 
 def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
