@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.stepped import whole
 
 from qlvbayes.effects import conformance
 from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
@@ -57,7 +58,7 @@ def bonded(*effects):
 
 
 def force(model):
-    return np.asarray(model.force(PRESS))
+    return np.asarray(whole(model, PRESS))
 
 
 @ALL
@@ -230,7 +231,7 @@ def test_a_lag_takes_all_forces_below_it_of_an_earlier_time():
     assert np.allclose(lagged[10:200], plain[:190], atol=1e-12)
 
     def delayed(delay):
-        return bonded(ChannelLag(delay)).force(PRESS)
+        return whole(bonded(ChannelLag(delay)), PRESS)
 
     small = 1e-7
     difference = (delayed(small) - delayed(0.0)) / small

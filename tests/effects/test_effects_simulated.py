@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
+from support.stepped import whole
 
 from qlvbayes.effects.catalogue import EFFECTS, find, names
 from qlvbayes.simulate import (
@@ -50,7 +51,7 @@ def disagreement(model, effects, platen):
     time = grid_of(platen)
     for effect in effects:
         model = model + as_model(effect)
-    found = np.asarray(model.force(motion_of(platen, time)))[: time.size]
+    found = np.asarray(whole(model, motion_of(platen, time)))[: time.size]
     true = HiddenPad(TABLE_1["B"], tuple(effects)).force(platen, time)
     return np.abs(found - true) / np.max(np.abs(true)), time
 
@@ -92,6 +93,6 @@ def test_the_order_of_nesting_matters_and_is_the_models(paper_model):
     assert error.max() < CLOSE
     swapped = replace(paper_model("B"), effects=tuple(map(as_model, reversed(effects))))
     time = grid_of(platen)
-    wrong = np.asarray(swapped.force(motion_of(platen, time)))[: time.size]
+    wrong = np.asarray(whole(swapped, motion_of(platen, time)))[: time.size]
     true = HiddenPad(TABLE_1["B"], tuple(effects)).force(platen, time)
     assert np.max(np.abs(wrong - true)) > CLOSE * np.max(np.abs(true))

@@ -161,7 +161,7 @@ def test_posterior_predictive_covers_what_was_observed_with_the_models_noise(tre
         Choices(modes=3, bonded=True, fixed=("v[2]=0.5", "c[1]=0.2")),
     ],
 )
-@pytest.mark.few(1)
+@pytest.mark.slow
 def test_what_is_saved_is_loaded(choices, tmp_path):
     found = fitted(choices, method="least-squares")
     path = tmp_path / "posterior.nc"
@@ -232,14 +232,16 @@ def test_a_strangers_file_takes_no_memory_and_reads_no_other_file(tmp_path):
 def test_a_fluid_and_what_the_tests_cover_travel_and_the_same_fit_gives_the_same_numbers(
     file, tree, tmp_path
 ):
-    saved = load(file)
+    saved, found = load(file), fitted()
+    assert list(saved.names) == found.names
+    np.testing.assert_array_equal(saved.constants, found.constants)
+    assert (saved.choices, saved.fitted) == (found.choices, ("B-20",))
     assert saved.fluid is None
     assert saved.converged
     reach = saved.covered
     assert reach.depth == pytest.approx(1.6, abs=0.01)
     assert (reach.slowest, reach.tests) == (pytest.approx(0.1, rel=0.01), 6)
     assert reach.hold == pytest.approx(30.0, rel=0.01)
-    found = fitted()
     oily = as_tree(replace(found, experiment=replace(found.experiment, fluid="oil")))
     for group in GROUPS:
         xarray.testing.assert_equal(tree[group].to_dataset(), oily[group].to_dataset())

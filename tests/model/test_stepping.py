@@ -52,7 +52,7 @@ def test_steps_serve_every_relaxation(relaxation):
 
 @pytest.mark.parametrize("elastic", ELASTIC, ids=repr)
 @pytest.mark.parametrize("bonded", [False, True])
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_there_and_back(elastic, bonded):
     """Displacement to force and back in contact; force to displacement and back always."""
     model = Model(elastic, PRONY, bonded)
