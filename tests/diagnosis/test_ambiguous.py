@@ -45,21 +45,20 @@ def test_the_average_has_the_moments_of_the_mixture():
 
 @pytest.mark.slow
 def test_rivals_make_the_verdict_ambiguous_and_a_further_test_is_suggested(either):
-    assert either.result.verdict == "ambiguous"
-    assert {"viscous_drag", "power_law_drag"} <= set(either.result.group)
-    assert either.result.suggestions
-    assert either.result.suggestions[0].evidence > 0.0
     result = either.result
+    assert result.verdict == "ambiguous"
+    assert {"viscous_drag", "power_law_drag"} <= set(result.group)
+    assert result.suggestions[0].evidence > 0.0
     held = [r.inclusion for r in result.ranking if r.effect in result.group]
     assert sum(held) >= DiagnosisSettings().covered
     assert max(held) < DiagnosisSettings().named
     listed = [one.probability for one in result.not_ruled_out]
     assert listed == sorted(listed, reverse=True)
     assert sum(listed) <= 1.0 + 1e-9
-    last = either.result.stages[-1].parameters
-    assert set(either.result.constants) == {name for name in last if "." not in name}
-    weight = either.result.alternatives[0].probability
-    for name, found in either.result.constants.items():
+    last = result.stages[-1].parameters
+    assert set(result.constants) == {name for name in last if "." not in name}
+    weight = result.alternatives[0].probability
+    for name, found in result.constants.items():
         # of one hypothesis alone, the share of its weight is the least that its variance keeps
         assert found.sd >= last[name].sd * np.sqrt(weight) * 0.99
 
@@ -70,37 +69,27 @@ def left(either):
 
 
 @pytest.mark.slow
-def test_draws_of_the_hypotheses_are_as_many_as_they_are_likely(either, left):
-    listed = either.result.alternatives
-    assert [(one.base, one.effects) for one in left.hypotheses] == [
-        (one.base, one.effects) for one in listed
-    ]
+def test_draws_of_hypotheses_have_their_probabilities_moments_and_bounds(either, left):
+    listed, last = either.result.alternatives, either.result.stages[-1]
+    assert [(h.base, h.effects) for h in left.hypotheses] == [(h.base, h.effects) for h in listed]
     total = sum(one.probability for one in listed)
     for one in left.hypotheses:
         assert abs(len(one.constants["m"]) - 400 * one.probability / total) <= 1.0
-
-
-@pytest.mark.slow
-def test_draws_have_the_moments_and_the_bounds_of_the_diagnosis(either, left):
-    last = either.result.stages[-1]
+        shares = np.sum([one.constants[f"c[{k}]"] for k in range(3)], axis=0)
+        assert np.allclose(shares, 1.0)
+        assert not any(name.startswith("noise.") for name in one.constants)
+        assert min(one.constants.get("viscous_drag.eta", (0.0,))) >= 0.0
     drawn = drawn_hypotheses(either, Choices(), draws=8000)
     one = next(h for h in drawn.hypotheses if (h.base, h.effects) == (last.base, last.effects))
     count = len(one.constants["m"])
     for name in ("m", "b", "v[1]"):
         values, reported = np.array(one.constants[name]), last.parameters[name]
         # four sds of what so many draws say; the reported sd is that of a slope
-        assert (
-            abs(values.mean() - reported.mean)
-            < 4.0 * reported.sd / np.sqrt(count) + 0.1 * reported.sd
-        )
+        most = 4.0 * reported.sd / np.sqrt(count) + 0.1 * reported.sd
+        assert abs(values.mean() - reported.mean) < most
         assert values.std() == pytest.approx(reported.sd, rel=0.1)
         # what a discrepancy may have moved them by makes them wider than those of the curve
         assert np.std(one.curve[name]) < 1.2 * values.std()
-    for one in left.hypotheses:
-        shares = np.sum([one.constants[f"c[{k}]"] for k in range(3)], axis=0)
-        assert np.allclose(shares, 1.0)
-        assert not any(name.startswith("noise.") for name in one.constants)
-        assert min(one.constants.get("viscous_drag.eta", (0.0,))) >= 0.0
 
 
 @pytest.mark.slow

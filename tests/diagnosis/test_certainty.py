@@ -1,7 +1,6 @@
 """Certainty: its features, its weights and what they rest on."""
 
 import math
-from pathlib import Path
 
 import certainty as learning
 import numpy as np
@@ -11,34 +10,24 @@ from msgspec import structs
 from qlvbayes.diagnosis.certainty import FEATURES, LEAST, calibration, certainty, features
 from qlvbayes.diagnosis.result import Strengths, Support
 
-ROOT = Path(__file__).parents[2]
-SUPPORT = Support(
-    heldout_gain=1.0,
-    heldout_sds=3.0,
-    heldout=0.1,
-    error_left=0.2,
-    p_left=0.5,
-    effects=1,
-)
+SUPPORT = Support(1.0, 3.0, 0.1, 0.2, 0.5, effects=1)
 
 
 def test_features_are_what_they_are_called_and_each_makes_surer_or_less_sure():
     x = features(50.0, SUPPORT)
     assert len(x) == len(FEATURES)
-    expected = [math.asinh(50.0), 1.0, 3.0, 0.2, 0.0, 1.0]
-    assert np.allclose(x, expected)
+    assert np.allclose(x, [math.asinh(50.0), 1.0, 3.0, 0.2, 0.0, 1.0])
     surely = features(50.0, structs.replace(SUPPORT, heldout_sds=40.0, p_left=0.001))
     assert (surely[2], surely[4]) == (5.0, 1.0)
-
-    def sure(factor=20.0, **changes):
-        return certainty(0.99, factor, structs.replace(SUPPORT, **changes))
-
-    assert sure(factor=100.0) > sure(factor=5.0)
-    assert sure(heldout_gain=1.5) > sure(heldout_gain=0.1)
-    assert sure(heldout_sds=4.0) > sure(heldout_sds=0.5)
-    assert sure(effects=3) < sure(effects=1)
-    assert sure(p_left=0.0) < sure(p_left=0.5)
-    assert sure(error_left=1.0) < sure(error_left=0.1)
+    assert certainty(0.99, 100.0, SUPPORT) > certainty(0.99, 5.0, SUPPORT)
+    for name, less, more in (
+        ("heldout_gain", 0.1, 1.5), ("heldout_sds", 0.5, 4.0), ("effects", 3, 1),
+        ("p_left", 0.0, 0.5), ("error_left", 1.0, 0.1),
+    ):  # fmt: skip
+        low, high = (
+            certainty(0.99, 20.0, structs.replace(SUPPORT, **{name: x})) for x in (less, more)
+        )
+        assert low < high, name
 
 
 @pytest.mark.parametrize(

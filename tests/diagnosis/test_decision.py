@@ -32,18 +32,9 @@ def weight(effects, probability, *, base=EXP, unmodelled=0.0):
 
 
 def test_effects_are_named_by_their_probability_over_everything_else():
-    found = decide([weight("", 0.97), weight("friction", 0.03)])
-    assert (found.verdict, found.effects, found.group) == ("adequate", (), ())
-    assert found.inclusion["friction"] == pytest.approx(0.03)
-    # no hypothesis alone has 0.9, the effect has it over all laws and companions
-    found = decide(
-        [
-            weight("drag", 0.5),
-            weight("drag", 0.3, base=HERTZ),
-            weight("drag leak", 0.15),
-            weight("friction", 0.05),
-        ]
-    )
+    """No hypothesis alone has 0.9, the effect has it over all laws and companions."""
+    weights = [weight("drag", 0.5), weight("drag", 0.3, base=HERTZ), weight("drag leak", 0.15)]
+    found = decide([*weights, weight("friction", 0.05)])
     assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
     assert found.inclusion["drag"] == pytest.approx(0.95)
     assert found.base[HERTZ] == pytest.approx(0.3)
@@ -53,9 +44,22 @@ def left(weights):
     return apply_adequacy(decide(weights), weights, adequate=False)
 
 
+def required(name):
+    return lambda weights: decide(require(weights, {name}))
+
+
+def within_names(names):
+    return lambda weights: decide(restrict_to(weights, set(names.split())))
+
+
+MEASURED = {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}
+BESIDE_REFUSED = {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}
+
+
 @pytest.mark.parametrize(
     ("decided", "weights", "verdict", "effects", "group"),
     [
+        (decide, {"": 0.97, "friction": 0.03}, "adequate", "", ""),
         (decide, {"drag": 0.55, "film": 0.43, "": 0.02}, "ambiguous", "", "drag film"),
         # a group may stand beside a named effect
         (decide, {"inertia drag": 0.6, "inertia film": 0.38, "": 0.02}, "ambiguous", "inertia",
@@ -64,21 +68,20 @@ def left(weights):
         (left, {"": 0.6, "drag": 0.4}, "unexplained", "", ""),
         (left, {"drag": 0.99, "": 0.01}, "partly_explained", "drag", ""),
         # what is measured is in every hypothesis that counts, unless no hypothesis has it
-        (lambda weights: decide(require(weights, {"adhesion"})),
-         {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}, "missing_effect", "adhesion", ""),
-        (lambda weights: decide(require(weights, {"inertia"})),
-         {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}, "missing_effect", "drag", ""),
-        # what is likely only beside a refused effect is not named
-        (decide, {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}, "missing_effect",
-         "drag film lag", ""),
-        (lambda weights: decide(restrict_to(weights, {"drag", "lag"})),
-         {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}, "missing_effect", "drag", ""),
+        (required("adhesion"), MEASURED, "missing_effect", "adhesion", ""),
+        (required("inertia"), MEASURED, "missing_effect", "drag", ""),
+        # what is likely only beside a refused effect is not named, nor anything in its place
+        (decide, BESIDE_REFUSED, "missing_effect", "drag film lag", ""),
+        (within_names("drag lag"), BESIDE_REFUSED, "missing_effect", "drag", ""),
+        (within_names(""), {"film": 0.9, "lag": 0.06, "": 0.04}, "adequate", "", ""),
     ],
 )  # fmt: skip
 def test_the_verdict_follows_from_the_probabilities(decided, weights, verdict, effects, group):
-    found = decided([weight(names, p) for names, p in weights.items()])
+    weights = [weight(names, p) for names, p in weights.items()]
+    found = decided(weights)
     assert found.verdict == verdict
     assert (set(found.effects), set(found.group)) == (set(effects.split()), set(group.split()))
+    assert group or weights[found.selected].effects >= set(found.effects)
 
 
 def test_what_stands_for_the_answer_beside_something_outside_and_noise():
@@ -114,27 +117,9 @@ def test_a_law_that_names_nothing_is_outside_unless_the_listed_ones_do():
 
 
 def ranked(name, *, inclusion=0.99, certainty=0.9, gain=1.0, agreement=1.0, heldout=0.1):
-    own = Support(
-        heldout_gain=gain,
-        heldout_sds=5.0,
-        heldout=heldout,
-        error_left=0.1,
-        p_left=0.5,
-        effects=1,
-        strengths=Strengths(
-            spread=0.1, agreement=agreement, parts=(Strength("slow", 0.5, 0.1, 1.0),)
-        ),
-    )
-    return Ranked(
-        effect=name,
-        inclusion=inclusion,
-        probability=inclusion,
-        log_bayes_factor=9.0,
-        rmse=0.1,
-        parameters={},
-        support=own,
-        certainty=certainty,
-    )
+    strengths = Strengths(0.1, agreement, (Strength("slow", 0.5, 0.1, 1.0),))
+    own = Support(gain, 5.0, heldout, 0.1, 0.5, effects=1, strengths=strengths)
+    return Ranked(name, inclusion, inclusion, 9.0, 0.1, {}, support=own, certainty=certainty)
 
 
 @pytest.mark.parametrize(
@@ -163,19 +148,6 @@ def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_
     assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
 
 
-def test_what_is_left_of_refused_effects_is_named_and_nothing_in_their_place():
-    weights = [weight("drag inertia", 0.99), weight("inertia", 0.01)]
-    found = decide(restrict_to(weights, {"inertia"}))
-    assert (found.verdict, found.effects) == ("missing_effect", ("inertia",))
-    assert weights[found.selected].effects == {"inertia"}
-    weights = [weight("film drag", 0.99), weight("lag drag", 0.0099), weight("drag", 0.0001)]
-    found = decide(restrict_to(weights, {"drag"}))
-    assert (found.verdict, found.effects, found.group) == ("missing_effect", ("drag",), ())
-    assert weights[found.selected].effects == {"drag"}
-    none = [weight("film", 0.9), weight("lag", 0.06), weight("", 0.04)]
-    assert decide(restrict_to(none, ())).verdict == "adequate"
-
-
 def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
     free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, nameable=False)
     weights = [free, weight("drag film", 1e-9), weight("drag", 1e-13)]
@@ -192,27 +164,18 @@ def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
 
 
 def test_the_base_told_is_likely_without_what_is_refused():
-    weights = [
-        weight("film lag", 0.98, base=HERTZ),
-        weight("film leak", 0.0195, base=HERTZ),
-        weight("film", 0.0004),
-        weight("film", 0.0001, base=HERTZ),
-    ]
+    of_hertz = [("film lag", 0.98), ("film leak", 0.0195), ("film", 0.0001)]
+    weights = [weight("film", 0.0004), *(weight(*one, base=HERTZ) for one in of_hertz)]
     found = decide(restrict_to(weights, {"film"}))
     assert weights[found.selected].base == EXP
     assert found.base[EXP] == pytest.approx(0.8)
 
 
 FAMILIES = Families(
-    {
-        "friction": "friction",
-        "coulomb": "friction",
-        "lag": "lag",
-        "filter": "lag",
-        "wander": "wander",
-    },
+    {"friction": "friction", "coulomb": "friction", "lag": "lag", "filter": "lag",
+     "wander": "wander"},
     frozenset({"wander"}),
-)
+)  # fmt: skip
 
 
 def within(*weights):
@@ -221,19 +184,14 @@ def within(*weights):
 
 def test_an_effect_is_named_by_its_family_and_its_forms_are_no_group():
     """Neither form alone has 0.9, the effect has; the likelier form is reported."""
-    weights = within(
-        weight("coulomb", 0.5),
-        weight("friction", 0.2),
-        weight("friction filter", 0.15),
-        weight("coulomb lag", 0.1),
-        weight("", 0.05),
-    )
+    shares = {
+        "coulomb": 0.5, "friction": 0.2, "friction filter": 0.15, "coulomb lag": 0.1, "": 0.05
+    }  # fmt: skip
+    weights = within(*(weight(names, p) for names, p in shares.items()))
     found = decide(weights)
-    assert (found.verdict, found.effects) == ("missing_effect", ("friction",))
+    assert (found.verdict, found.effects, found.group) == ("missing_effect", ("friction",), ())
     assert found.inclusion == pytest.approx({"friction": 0.95, "lag": 0.25})
     assert weights[found.selected].forms == {"friction": "coulomb"}
-    found = decide(within(weight("coulomb", 0.5), weight("friction", 0.49), weight("", 0.01)))
-    assert (found.verdict, found.effects, found.group) == ("missing_effect", ("friction",), ())
     found = decide(within(weight("coulomb", 0.5), weight("filter", 0.49), weight("", 0.01)))
     assert (found.verdict, found.group) == ("ambiguous", ("friction", "lag"))
 

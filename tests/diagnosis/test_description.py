@@ -37,16 +37,8 @@ from qlvbayes.use.exports.code import CHeader
 
 REFERENCES = References(1.6, 100.0, 1000.0, 1.5, 500.0)
 TERMS = {term.name: term for term in grammar()}
-QUICK = (
-    "rig_power_drag",
-    "linear_drag_exponential_in_depth",
-    "moving_mass_of_depth",
-    "factor_of_remembered_speed",
-    "shift_of_remembered_largest_depth",
-    "force_of_clock",
-    "factor_of_loadings",
-)
-"""Terms of every way to enter, with every kind of state."""
+
+
 PAIRS = (
     ("factor_of_remembered_elastic_force", "power_drag_of_depth_squared"),
     ("shift_of_remembered_speed", "factor_of_clock"),
@@ -57,14 +49,8 @@ def _source(*names: str) -> str:
     return source_of([TERMS[name] for name in names], REFERENCES, PAD, "It describes tests.")
 
 
-@pytest.mark.parametrize("name", QUICK)
-@pytest.mark.few(3)
-def test_terms_keep_the_rules_of_effects(name: str) -> None:
-    check_effect(load(_source(name)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(set(TERMS) - set(QUICK)))
+@pytest.mark.parametrize("name", sorted(TERMS))
+@pytest.mark.few(2)  # the pairs below have two of each other way to enter, with states
 def test_every_term_keeps_the_rules_of_effects(name: str) -> None:
     check_effect(load(_source(name)))
 
@@ -135,10 +121,8 @@ def test_forces_on_many_sets_are_those_of_each() -> None:
 @needs_gcc
 @pytest.mark.parametrize(
     "names",
-    [("factor_of_remembered_elastic_force", "power_drag_of_depth_squared"),
-     ("shift_of_remembered_speed", "factor_of_clock"),
-     ("force_of_remembered_largest_depth",)],
-)  # fmt: skip
+    [*PAIRS, ("force_of_remembered_largest_depth",)],
+)
 def test_the_exported_header_has_the_law(tmp_path, names: tuple[str, ...]) -> None:
     choices = described(tmp_path, *names)
     pad = exported(tmp_path, choices, spread=0.0)

@@ -18,7 +18,6 @@ from qlvbayes.diagnosis.result import ParameterBias
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
-from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.simulate import HIDDEN, TABLE_1, full_retraction_protocol, paper_protocol
 
@@ -42,12 +41,6 @@ def drag():
     return diagnose(measured([HIDDEN["viscous_drag"](eta=0.004)]))
 
 
-@pytest.fixture(scope="module")
-def two():
-    effects = [HIDDEN["viscous_drag"](eta=0.004), HIDDEN["force_offset"](offset=0.08)]
-    return diagnose(measured(effects))
-
-
 @pytest.mark.slow
 def test_nothing_missing_is_called_adequate_and_what_hides_says_what_it_would_bend(plain):
     assert plain.result.verdict == "adequate"
@@ -61,28 +54,37 @@ def test_nothing_missing_is_called_adequate_and_what_hides_says_what_it_would_be
 
 
 @pytest.mark.slow
-def test_a_hidden_drag_is_named_with_its_size_and_its_evidence_is_sampled(drag):
-    assert drag.result.verdict == "missing_effect"
-    assert drag.result.effects == ("viscous_drag",)
-    eta = drag.result.stages[-1].parameters["viscous_drag.eta"]
+def test_a_hidden_drag_is_named_with_its_size_evidence_and_support(drag):
+    """Tests left out and strengths all speak for it; of improbable ones nothing is known."""
+    result = drag.result
+    assert (result.verdict, result.effects) == ("missing_effect", ("viscous_drag",))
+    eta = result.stages[-1].parameters["viscous_drag.eta"]
     assert abs(eta.mean - 0.004) < 4.0 * eta.sd
-    assert drag.result.ranking[0].inclusion > 0.9
-    before, after = (drag.result.stages[k].heldout_rmse for k in (0, -1))
-    assert after < 1.2 * drag.result.noise < before
-    first, *_ = drag.result.alternatives
-    assert 0.0 < first.log_evidence_error < 0.3
-    named = drag.result.ranking[0]
-    assert 0.0 <= named.inclusion_error < 0.05
-    first, *others = drag.result.stages
-    nearer = changed(first, heldout_rmse=0.5 * others[-1].heldout_rmse)
+    first, *others = (one for one in result.ranking if one.effect != "none")
+    assert (first.effect, first.inclusion > 0.9) == ("viscous_drag", True)
+    assert 0.0 <= first.inclusion_error < 0.05
+    assert 0.0 < result.alternatives[0].log_evidence_error < 0.3
+    before, after = (result.stages[k].heldout_rmse for k in (0, -1))
+    assert after < 1.2 * result.noise < before
+    support = first.support
+    assert support.heldout_gain > np.log(before / after)  # the error falls most where it acts
+    assert support.heldout_sds > 1.0
+    assert support.strengths.agreement > 0.9
+    assert support.error_left == pytest.approx(
+        np.log(result.stages[-1].rmse / result.noise), abs=0.1
+    )
+    assert support.p_left > 0.01
+    assert all(one.support is None for one in others if one.inclusion < 0.1)
+    start, *stages = result.stages
+    nearer = changed(start, heldout_rmse=0.5 * after)
     assert "falls from" in drag.text()
-    assert "falls from" not in with_changes(drag, stages=(nearer, *others)).text()
+    assert "falls from" not in with_changes(drag, stages=(nearer, *stages)).text()
 
 
 @pytest.mark.slow
-def test_a_watched_search_can_be_ended_and_what_is_known_is_told():
+def test_a_watched_search_sees_all_neighbours_or_is_ended_and_what_is_known_is_told():
     """The standing is the decision on the way; ended when the drag is likely, it is named."""
-    standings = []
+    standings, whole = [], []
 
     def watch(standing):
         standings.append(standing)
@@ -96,28 +98,38 @@ def test_a_watched_search_can_be_ended_and_what_is_known_is_told():
     assert "viscous_drag" not in standings[0].decision.inclusion
     assert "viscous_drag" in standings[-1].best.effects
     assert found.result.effects == ("viscous_drag",)
-    whole = []
-    diagnose(pad, kinds=FEW, watch=whole.append)
+    search = diagnose(pad, kinds=FEW, watch=whole.append).work.search
     assert len(whole) > len(standings)
+    best = search.best
+    for name in set(search.families.nameable) - best.effects:
+        assert best.plus(name) in search.candidates
+    assert best.less("viscous_drag") in search.candidates
 
 
 @pytest.mark.slow
-def test_two_effects_are_found_one_by_one(two):
-    assert set(two.result.effects) == {"viscous_drag", "force_offset"}
-    errors = [stage.heldout_rmse for stage in two.result.stages]
+def test_two_effects_are_found_one_by_one():
+    effects = [HIDDEN["viscous_drag"](eta=0.004), HIDDEN["force_offset"](offset=0.08)]
+    two = diagnose(measured(effects)).result
+    assert set(two.effects) == {"viscous_drag", "force_offset"}
+    errors = [stage.heldout_rmse for stage in two.stages]
     assert len(errors) == 3
-    assert errors[-1] < min(1.2 * two.result.noise, errors[0] / 3.0)
+    assert errors[-1] < min(1.2 * two.noise, errors[0] / 3.0)
 
 
 @pytest.mark.slow
 def test_adhesion_shows_only_where_the_platen_retracts():
     """A ramp and hold that never unloads cannot show softening, set or adhesion."""
-    experiment = measured(protocol=lambda rate: paper_protocol(rate)[:2], rates=(1.0, 100.0))
-    reasons = _not_seen(experiment)
-    assert reasons["adhesion"] == "no test retracts to zero depth"
-    assert reasons["stress_softening"] == "no test unloads"
-    full = measured(protocol=full_retraction_protocol, rates=(1.0, 100.0))
-    assert "adhesion" not in _not_seen(full)
+    reasons = []
+    for protocol in (lambda rate: paper_protocol(rate)[:2], full_retraction_protocol):
+        experiment = measured(protocol=protocol, rates=(1.0, 100.0))
+        search = build_search(experiment, kinds=OF_UNLOADING)
+        search.evaluate(search.baseline)
+        found = responses(search, search.modes[search.baseline][0])
+        hidden = unseen(found, search, protocol_of(experiment, bonded=False))
+        reasons.append({one.effect: one.reason for one in hidden})
+    assert reasons[0]["adhesion"] == "no test retracts to zero depth"
+    assert reasons[0]["stress_softening"] == "no test unloads"
+    assert "adhesion" not in reasons[1]
 
 
 def test_holds_at_one_depth_cannot_show_a_strength_that_changes_with_depth():
@@ -128,24 +140,19 @@ def test_holds_at_one_depth_cannot_show_a_strength_that_changes_with_depth():
         assert protocol_of(experiment, bonded=False).one_depth is at_one
 
 
-def _not_seen(experiment):
-    """Effects that the tests cannot show, and why; no search is run for it."""
-    search = build_search(experiment, kinds=OF_UNLOADING)
-    search.evaluate(search.baseline)
-    found = responses(search, search.modes[search.baseline][0])
-    return {
-        u.effect: u.reason for u in unseen(found, search, protocol_of(experiment, bonded=False))
-    }
+@pytest.fixture(scope="module")
+def alone():
+    """One test of a pad with nothing hidden."""
+    return diagnose(measured(rates=(20.0,)), kinds=FEW)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"), [(0.04, "4 % too high"), (-1.58, "more than half too low")]
-)
-@pytest.mark.slow
-def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(plain, change, words):
-    bias = ParameterBias("inertia", "inertia.mass", 1.0, 0.1, {"b": change}, visible=False)
-    said = "\n".join(with_changes(plain, biases=(bias,)).paragraphs())
-    assert f"b would be {words}" in said
+def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(alone):
+    for change, words in ((0.04, "4 % too high"), (-1.58, "more than half too low")):
+        bias = ParameterBias(
+            "force_drift", "force_drift.rate", 1.0, 0.1, {"b": change}, visible=False
+        )
+        said = "\n".join(with_changes(alone, biases=(bias,)).paragraphs())
+        assert f"b would be {words}" in said
 
 
 def test_priors_that_leave_no_finite_force_are_refused():
@@ -156,37 +163,14 @@ def test_priors_that_leave_no_finite_force_are_refused():
 @pytest.mark.slow
 def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
     """Whatever the noise that comes with the same pad, one in ten is below a tenth."""
-    work = plain.work
-    below = 0
+    below, start = 0, plain.work.path[0].point.theta
     for seed in range(20):
         experiment = measured(seed=100 + seed)
-        found = _plain_point(experiment, work)
-        below += adequacy(experiment, found[0], found[1], DiagnosisSettings().cells).p_value < 0.1
+        search = build_search(experiment, kinds=())
+        point = find_mode(search.density, search.baseline, start).point
+        record, cells = search.density.space.record, DiagnosisSettings().cells
+        below += adequacy(experiment, record, point, cells).p_value < 0.1
     assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
-
-
-@pytest.mark.slow
-def test_the_support_of_an_effect_that_is_there():
-    """Tests left out and strengths all speak for it; of improbable ones nothing is known."""
-    pad = measured([HIDDEN["viscous_drag"](eta=0.004)], rates=(1.0, 20.0, 100.0))
-    drag = diagnose(pad, kinds=FEW)
-    first, *others = (one for one in drag.result.ranking if one.effect != "none")
-    assert first.effect == "viscous_drag"
-    support, stages = first.support, drag.result.stages
-    before, after = (stages[k].heldout_rmse for k in (0, -1))
-    assert support.heldout_gain > np.log(before / after)  # the error falls most where it acts
-    assert support.heldout_sds > 1.0
-    assert support.strengths.agreement > 0.9
-    assert support.error_left == pytest.approx(np.log(stages[-1].rmse / drag.result.noise), abs=0.1)
-    assert support.p_left > 0.01
-    assert all(one.support is None for one in others if one.inclusion < 0.1)
-
-
-def _plain_point(experiment, work):
-    """Record and mode of the plain model of the same pad under other noise."""
-    search = build_search(experiment, kinds=())
-    start = work.path[0].point.theta
-    return search.density.space.record, find_mode(search.density, search.baseline, start).point
 
 
 @pytest.mark.slow
@@ -205,31 +189,13 @@ def test_left_out_is_predicted_from_the_others_only(drag):
     assert found == pytest.approx(np.hypot(expected, 0.5), rel=0.05)
 
 
-@pytest.mark.slow
-def test_samples_are_predicted_as_by_the_model_itself(drag):
-    """Parts of a record, each by the compiled functions of the fit, against one run of all.
-
-    Their grids differ; each is within a quarter of an encoder step of the motion.
-    """
-    work = drag.work
-    selected, samples = work.selected, work.samples
-    model = selected.point.own.model_at(selected.point.constants)
-    predicted = samples.predict(selected.hypothesis, selected.point.constants[None])
-    for k, (trial, rows) in enumerate(zip(samples.trials, samples.rows, strict=True)):
-        record = single_samples(work.experiment, trial, rows)
-        expected = np.asarray(record.average(model.force(record.motion)))
-        stiffness = float(model.elastic.stiffness(np.max(trial.test.displacement)))
-        bound = 0.25 * trial.trajectory.resolution * stiffness
-        assert bound < 0.1 * work.experiment.floor.total
-        np.testing.assert_allclose(predicted[k][0], expected, atol=bound)
-
-
-def test_of_one_test_alone_phases_are_left_out():
+def test_where_nothing_is_hidden_nothing_is_missing_and_of_one_test_phases_are_left_out(alone):
     """The error reported for parts left out is never the error of the fit."""
-    found = diagnose(measured(rates=(20.0,)), kinds=FEW)
-    work = found.work
+    result, work = alone.result, alone.work
+    assert (result.verdict, result.effects, result.group) == ("adequate", (), ())
+    assert work.search.best == work.search.baseline
     parts = leave_out(work.search.density, work.samples)
     assert len(parts) == len(work.experiment.trials[0].phases)
     expected = error(predicted(work.samples, parts, work.selected.mode))
-    assert expected > found.result.stages[-1].rmse
-    assert found.result.stages[-1].heldout_rmse == pytest.approx(expected, rel=1e-12)
+    assert expected > result.stages[-1].rmse
+    assert result.stages[-1].heldout_rmse == pytest.approx(expected, rel=1e-12)

@@ -31,7 +31,7 @@ def plain():
 
 
 @pytest.mark.parametrize("kind", LOOSE, ids=lambda kind: kind.name)
-@pytest.mark.few(12)
+@pytest.mark.few(5)
 def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
     """It is also above zero displacement; effects that refine the grid are 1e-5 off at most."""
     point, space = plain.modes[BASELINE][0].point, plain.density.space
@@ -46,7 +46,7 @@ def test_an_effect_at_nothing_is_the_plain_model(plain, kind):
 
 @pytest.mark.parametrize("share", [1e-3, 1.0])
 @pytest.mark.parametrize("kind", LOOSE, ids=lambda kind: kind.name)
-@pytest.mark.few(12)
+@pytest.mark.few(5)
 def test_no_evidence_is_above_the_likelihood_of_an_exact_fit(plain, kind, share):
     """Z_s = int L_s pi <= max L_s, at every size; also where constants are next to nothing."""
     density, point = plain.density, plain.modes[BASELINE][0].point

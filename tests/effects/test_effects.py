@@ -8,25 +8,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.stepped import whole
 
 from qlvbayes.effects import conformance
 from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
 from qlvbayes.effects.catalogue import EVERY as WITH_FORMS
 from qlvbayes.effects.conformance import EffectError, check_effect, effect_checks
-from qlvbayes.effects.contacts import Adhesion, ContactOffset, GradualContact
-from qlvbayes.effects.drags import Inertia, PowerLawDrag, SqueezeFilm, ViscousDrag
-from qlvbayes.effects.drifts import FluidLeak, ForceDrift
+from qlvbayes.effects.drags import Inertia, ViscousDrag
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.fluids import FluidPressure, PowerLawDrainage
-from qlvbayes.effects.frames import FrameCompliance
-from qlvbayes.effects.friction import Friction, PressureFriction
+from qlvbayes.effects.friction import Friction
 from qlvbayes.effects.history import largest, material_time
 from qlvbayes.effects.lags import ChannelLag
-from qlvbayes.effects.relaxing import (
-    ExtraRelaxationMode,
-    StrainDependentRate,
-    StrainDependentStrength,
-)
 from qlvbayes.effects.softening import PermanentSet, StressSoftening
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.exponential import Exponential
@@ -43,16 +35,9 @@ STRAINED = Scales(
 )
 
 
-def motion(time, displacement, velocity=0.0, acceleration=0.0, start=0.0):
-    time, displacement = jnp.asarray(time, dtype=float), jnp.asarray(displacement, dtype=float)
-    full = (
-        jnp.broadcast_to(jnp.asarray(x, dtype=float), time.shape) for x in (velocity, acceleration)
-    )
-    return Motion(time, displacement, *full, start=start)
-
-
-def press_and_return(speed=20.0, points=200):
-    """To 1.6 mm at a constant speed, 30 s, back to 0 at the same speed, 5 s."""
+def press_and_return():
+    """To 1.6 mm at 20 mm/s, 30 s, back to 0 at the same speed, 5 s."""
+    speed, points = 20.0, 200
     way = np.linspace(0.0, 1.6, points)
     ramp, hold = 1.6 / speed, 30.0 * np.linspace(0.0, 1.0, points + 1)[1:] ** 3
     back = ramp + 30.0 + way[1:] / speed
@@ -61,32 +46,19 @@ def press_and_return(speed=20.0, points=200):
     moving = np.concatenate(
         [np.full(points, speed), np.zeros(points), np.full(points - 1, -speed), [0.0]]
     )
-    return motion(time, depth, moving)
+    return Motion(*map(jnp.asarray, (time, depth, moving, 0.0 * time)))
 
 
 PRESS = press_and_return()
-LOADING = np.arange(PRESS.time.size) < 200
-HELD = 399  # the last point of the hold
 
 
 def bonded(*effects):
-    model = Model(
-        Exponential(0.34, 1.165), Prony(jnp.array([0.3, 0.63, 0.07]), jnp.array([6.2, 0.14])), True
-    )
-    for effect in effects:
-        model = model + effect
-    return model
+    relaxation = Prony(jnp.array([0.3, 0.63, 0.07]), jnp.array([6.2, 0.14]))
+    return sum(effects, Model(Exponential(0.34, 1.165), relaxation, True))
 
 
-def loose(*effects):
-    model = replace(bonded(), bonded=False)
-    for effect in effects:
-        model = model + effect
-    return model
-
-
-def force(model, path=PRESS):
-    return np.asarray(model.force(path))
+def force(model):
+    return np.asarray(whole(model, PRESS))
 
 
 @ALL
@@ -95,14 +67,19 @@ def test_every_effect_keeps_the_rules(kind):
     check_effect(kind)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [FluidPressure, SqueezeFilm, Friction, ContactOffset, PowerLawDrainage, PressureFriction,
-     GradualContact],
-)  # fmt: skip
+OF_MANY_UNITS = [
+    "fluid_pressure",
+    "squeeze_film",
+    "friction",
+    "power_law_drainage",
+    "gradual_contact",
+]
+
+
+@pytest.mark.parametrize("name", OF_MANY_UNITS)
 @pytest.mark.slow
-def test_the_rules_hold_in_other_units_too(kind):
-    check_effect(kind, STRAINED)
+def test_the_rules_hold_in_other_units_too(name):
+    check_effect(find(name), STRAINED)
 
 
 @ALL
@@ -115,35 +92,25 @@ def test_priors_are_proper_where_a_scale_is_unknown(kind):
 
 def test_names_are_told_apart_and_amplitudes_scaled_alike():
     assert len(set(names())) == len(EFFECTS) == 25
-    assert find("friction") is Friction
     with pytest.raises(
         InputError, match=r"no effect 'rust'; use one of viscous_drag, .*channel_lag"
     ):
         find("rust")
     scales = conformance._reference(1.6, 0.0).scales
-    assert isinstance(ViscousDrag.default(scales).eta, HalfNormal)
-    sd = float(ViscousDrag.default(scales).eta.sd)
-    assert np.isclose(sd * scales.speed, 0.05 * scales.force)
+    amplitude = ViscousDrag.default(scales).eta
+    assert isinstance(amplitude, HalfNormal)
+    assert np.isclose(float(amplitude.sd) * scales.speed, 0.05 * scales.force)
 
 
 def test_the_order_of_adding_does_not_matter():
-    scales = conformance._reference(1.6, 0.0).scales
+    scales, loose = conformance._reference(1.6, 0.0).scales, replace(bonded(), bonded=False)
     defaults = [kind.default(scales) for kind in EFFECTS]
-    model = loose()
-    for effect in defaults:
-        model = model + effect
-    other = loose()
-    for effect in reversed(defaults):
-        other = other + effect
-    nested = [effect.name for effect in model.effects]
-    assert nested == [effect.name for effect in other.effects]
-    assert nested[:4] == [
-        "extra_relaxation_mode",
-        "strain_dependent_rate",
-        "strain_dependent_strength",
-        "stress_softening",
-    ]
-    assert nested[-1] == "channel_lag"
+    nested, other = (
+        [effect.name for effect in sum(some, loose).effects] for some in (defaults, defaults[::-1])
+    )
+    assert nested == other
+    listed = [nested.index(x) for x in ("extra_relaxation_mode", "stress_softening", "channel_lag")]
+    assert listed == [0, 3, len(EFFECTS) - 1]
 
 
 class Good(AbstractEffect):
@@ -256,138 +223,21 @@ def test_largest_depth_and_material_time():
     assert np.allclose(material_time(time, depth, 2.0), expected, rtol=1e-14)
 
 
-def test_drags_follow_their_laws():
-    assert np.allclose(
-        force(bonded(PowerLawDrag(0.01, 1.0))), force(bonded(ViscousDrag(0.01))), atol=1e-14
-    )
-    drag = [
-        force(bonded(PowerLawDrag(0.01, 0.3)), p) - force(bonded(), p)
-        for p in map(press_and_return, (1.0, 100.0))
-    ]
-    assert np.isclose(drag[1][0] / drag[0][0], 100.0**0.3)
-    assert drag[0][HELD] == 0.0
-    assert np.allclose(
-        force(bonded(SqueezeFilm(0.01, 1e9))), force(bonded(ViscousDrag(0.01))), rtol=1e-8
-    )
-    extra = force(bonded(SqueezeFilm(0.01, 3.2))) - force(bonded())
-    assert np.isclose(extra[199], 8.0 * extra[0])
-
-
-def test_pressure_drains_at_its_rate_and_leaks_and_drifts_go_by_the_clock():
-    depth = PRESS.displacement
-    extra = force(bonded(FluidPressure(0.2, 2.0, 0.7))) - force(bonded())
-    held = LOADING.nonzero()[0][-1]
-    after = float(PRESS.time[300] - PRESS.time[held])
-    assert np.isclose(extra[300], extra[held] * np.exp(-after * np.exp(-0.7 * 1.6) / 2.0))
-    undrained = force(bonded(FluidPressure(0.2, 1e9, 0.0))) - force(bonded())
-    assert np.allclose(undrained, 0.2 * depth, atol=1e-8)
-    later = replace(PRESS, start=jnp.asarray(600.0))
-    plain = force(bonded())
-    leak = np.exp(-1e-3 * (600.0 + np.asarray(PRESS.time)))
-    assert np.allclose(force(bonded(FluidLeak(1e-3)), later), plain * leak)
-    drift = force(bonded(ForceDrift(1e-3)), later) - plain
-    assert np.allclose(drift, 1e-3 * later.clock)
-
-
-def test_an_extra_mode_is_one_more_prony_term_and_is_hastened_by_depth_too():
-    mixed = bonded()
-    shares = jnp.concatenate([0.9 * mixed.relaxation.c, jnp.array([0.1])])
-    prony = Prony(shares, jnp.array([6.2, 0.14, 40.0]))
-    assert np.allclose(
-        force(bonded(ExtraRelaxationMode(0.1, 40.0))), force(replace(mixed, relaxation=prony))
-    )
-    # in a hold at one depth its rate is v e^{alpha d}
-    step = motion([0.0, 0.1, 0.5], [1.0, 1.0, 1.0])
-    mode, rate_factor = ExtraRelaxationMode(1.0, 3.0), StrainDependentRate(0.8)
-    found = force(bonded(rate_factor, mode), step)
-    assert np.allclose(found / found[0], np.exp(-3.0 * np.exp(0.8) * np.array([0.0, 0.1, 0.5])))
-
-
-def test_strength_softening_and_set_at_depth():
-    found = force(bonded(StrainDependentStrength(50.0)))
-    elastic = np.asarray(bonded().elastic.force(PRESS.displacement))
-    deep = np.asarray(PRESS.displacement) > 1.0
-    assert np.allclose(found[deep], elastic[deep])
-    plain, softened = force(bonded()), force(bonded(StressSoftening(0.4)))
-    assert np.array_equal(softened[: HELD + 1], plain[: HELD + 1])
-    half = HELD + 100
-    expected = 1.0 - 0.4 * (1.0 - PRESS.displacement[half] / 1.6)
-    assert np.isclose(softened[half] / plain[half], expected)
-
-
-def test_a_set_pad_is_left_before_zero_depth_and_moves_slower_while_it_sets():
-    share = 0.1
-    extra = force(bonded(PermanentSet(share), ViscousDrag(0.01))) - force(
-        bonded(PermanentSet(share))
-    )
-    assert np.allclose(extra[1:200], 0.01 * 20.0 * (1.0 - share))
-    back = slice(HELD + 1, None)
-    depth = np.asarray(PRESS.displacement[back])
-    assert np.allclose(extra[back][depth > 0.1601], -0.2)
-    assert np.allclose(extra[back][depth < 0.1599], 0.0)
-
-
-def test_friction_holds_turns_round_and_does_not_depend_on_speed():
-    extra = force(bonded(Friction(0.1, 0.05))) - force(bonded())
-    assert np.isclose(extra[199], 0.1 * -np.expm1(-1.6 / 0.05))
-    assert np.isclose(extra[HELD], extra[199])
-    way = 1.6 - float(PRESS.displacement[HELD + 20])
-    expected = -0.1 + (extra[HELD] + 0.1) * np.exp(-way / 0.05)
-    assert np.isclose(extra[HELD + 20], expected)
-    slow, fast = (
-        force(bonded(Friction(0.1, 0.05)), p) - force(bonded(), p)
-        for p in (press_and_return(1.0), press_and_return(100.0))
-    )
-    assert np.allclose(slow, fast, atol=1e-12)
-
-
 def test_a_lag_takes_all_forces_below_it_of_an_earlier_time():
-    dense = press_and_return(points=400)
-    lagged = force(bonded(ChannelLag(0.01)), dense)
-    plain = force(bonded(), dense)
-    earlier = np.interp(np.asarray(dense.time) - 0.01, dense.time, plain, left=plain[0])
-    assert np.max(np.abs(lagged - earlier)[:-1]) < 1e-4 * plain.max()
-    # a whole number of grid steps: exactly
-    step = float(dense.time[10])
-    assert np.allclose(force(bonded(ChannelLag(step)), dense)[10:400], plain[:390], atol=1e-12)
+    """By a whole number of grid steps: exactly."""
     extras = Inertia(1e-3), ViscousDrag(0.01), PermanentSet(0.05), Friction(0.1, 0.05)
     step = float(PRESS.time[10])
     plain, lagged = force(bonded(*extras)), force(bonded(*extras, ChannelLag(step)))
     assert np.allclose(lagged[10:200], plain[:190], atol=1e-12)
 
     def delayed(delay):
-        return bonded(ChannelLag(delay)).force(PRESS)
+        return whole(bonded(ChannelLag(delay)), PRESS)
 
     small = 1e-7
     difference = (delayed(small) - delayed(0.0)) / small
     slope = jax.jvp(delayed, (0.0,), (1.0,))[1]
     scale = float(jnp.max(jnp.abs(difference)))
     assert np.max(np.abs(slope - difference)[1:]) < 1e-4 * scale
-
-
-def test_a_specimen_slides_no_farther_than_its_interface_bears():
-    """e = (1 - e^{-y d})/y on the way in; on the way back 1 + y e times as fast as the platen."""
-    slip, elastic = find("interface_slip")(2.0), Exponential(0.34, 1.165)
-    found = force(Model(elastic, Prony(jnp.array([1.0]), jnp.zeros(0)), True, (slip,)))
-    way_in = -np.expm1(-2.0 * np.asarray(PRESS.displacement)[:HELD]) / 2.0
-    assert np.allclose(found[:HELD], elastic.force(way_in), atol=1e-12)
-    most = float(elastic.force(jnp.asarray(0.5)))
-    assert 0.9 * most < found.max() < most
-    back = 1.6 - np.asarray(PRESS.displacement)[HELD + 1 :]
-    way_back = (way_in[-1] + 0.5) * np.exp(-2.0 * back) - 0.5
-    assert np.allclose(found[HELD + 1 :], elastic.force(way_back), atol=1e-12)
-
-
-def test_inertia_a_soft_frame_and_adhesion():
-    path = motion([0.0, 0.1, 0.2], [0.0, 0.1, 0.2], 1.0, [1000.0, 0.0, 0.0])
-    assert np.allclose(force(bonded(Inertia(1e-4)), path) - force(bonded(), path), [0.1, 0.0, 0.0])
-    compliance = 0.05
-    found = force(loose(FrameCompliance(compliance)))
-    shortened = replace(PRESS, displacement=PRESS.displacement - compliance * found)
-    assert np.max(np.abs(force(loose(), shortened) - found)) < 1e-5 * found.max()
-    found = force(loose(Adhesion(0.05)))
-    assert np.isclose(found.min(), -0.05, rtol=0.01)
-    assert np.array_equal(np.maximum(found, 0.0), force(loose()))
 
 
 @EVERY

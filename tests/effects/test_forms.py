@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from blind.catalogue import KINDS
 from numpy.polynomial.legendre import legval
 from scipy.integrate import solve_ivp
 from support.simulated import CLOSE, PROTOCOLS, START, grid_of, motion_of
+from support.stepped import whole
 
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE, find, names
 from qlvbayes.effects.conformance import EffectError, check_effect
@@ -43,9 +45,6 @@ STROKE = 1.6  # mm
 PRESSED = 1.4  # N
 STUDY = Scales(1.4, STROKE, 1e-3, 30.0, 0.01, 0.01, 1.0, speed=20.0, clock=900.0, stiffness=2.0)
 ADDED = pytest.mark.parametrize("kind", [*FORMS, *OUTSIDE], ids=names([*FORMS, *OUTSIDE]))
-STRAINED = Scales(
-    250.0, 0.3, 1e-3, 60.0, 0.1, 0.1, 1.0, speed=7.0, acceleration=180.0, clock=900.0, stiffness=1e3
-)
 
 
 def test_a_form_is_of_a_listed_family_one_is_enough_and_a_diagnosis_looks_for_the_list_alone():
@@ -56,7 +55,7 @@ def test_a_form_is_of_a_listed_family_one_is_enough_and_a_diagnosis_looks_for_th
     assert find("spreading_lag") is SpreadingLag
     with pytest.raises(InputError, match="friction and pressure_friction are forms of one effect"):
         Choices(effects=("friction", "pressure_friction"))
-    model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STRAINED)
+    model, _ = Choices(effects=("pressure_friction", "fluid_leak")).build(STUDY)
     assert [added.name for added in model.effects] == ["fluid_leak", "pressure_friction"]
     assert Choices().candidates == EFFECTS
     assert set(Choices().kinds) == set(EVERY)
@@ -184,12 +183,7 @@ BETWEEN = {
         [forms.ChannelLowPass(0.4 * LAG), sensor_effects.ChannelLag(0.6 * LAG)],
     ),
     "a long toe": (GradualContact(0.1, 0.3), [GradualDepth(0.1, 0.3)]),
-    "a toe later than its depth": (GradualContact(0.2, 0.1), [GradualDepth(0.2, 0.1)]),
     "early contact": (GradualContact(-0.05, 0.2), [GradualDepth(-0.05, 0.2)]),
-    "drainage by 1.4": (
-        PowerLawDrainage(0.1, 0.5, 0.4, 1.4, STROKE),
-        [PowerDrainage(0.1, 0.5, 0.4, 1.4, STROKE)],
-    ),
     "drainage by 3": (
         PowerLawDrainage(0.1, 0.05, 0.3, 3.0, STROKE),
         [PowerDrainage(0.1, 0.05, 0.3, 3.0, STROKE)],
@@ -210,20 +204,23 @@ def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol
     assert disagreement(paper_model("B"), added, twins, platen) < CLOSE
 
 
-@pytest.mark.parametrize("speed", [1.0, 20.0])
+PART = Move(1.0, 1.0), Hold(5.0), Move(-0.07, 1.0), Move(-0.02, 1.0), Move(-0.09, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("steps", "close"), [(PART, 0.1), *((pull_off_protocol(speed), 1e-3) for speed in (1.0, 20.0))]
+)
 @pytest.mark.few(1)
-def test_ligaments_pull_beyond_contact_and_tear(paper_model, speed):
-    """In tests that go off the surface: to a quarter of the depth, and to part of a stretch."""
+def test_ligaments_pull_beyond_contact_and_tear(paper_model, steps, close):
+    """In tests that go off the surface: to part of a stretch, and to a quarter of the depth."""
     added, twin = AdhesionAtAStretch(0.08, 0.1), forms.AdhesionAtAStretch(0.08, 0.1)
-    program = pull_off_protocol(speed)
-    short = Move(1.0, speed), Hold(5.0), Move(-0.07, 1.0), Move(-0.02, 1.0), Move(-0.09, 1.0)
-    for steps in (program, short):
-        platen = Platen(steps, start_s=START, number=2)
-        assert disagreement(paper_model("B"), added, [twin], platen) < CLOSE
-        force = np.asarray((paper_model("B") + added).force(motion_of(platen, grid_of(platen))))
-        assert np.min(force) == pytest.approx(-0.08, rel=0.1 if steps is short else 1e-3)
-    torn = HiddenPad(TABLE_1["B"], (twin,)).force(Platen(program), np.array([15.0]))
-    assert abs(torn) < 1e-12
+    platen = Platen(steps, start_s=START, number=2)
+    time = grid_of(platen)
+    force = np.asarray(whole(paper_model("B") + added, motion_of(platen, time)))[: time.size]
+    true, plain = (HiddenPad(TABLE_1["B"], x).force(platen, time) for x in ((twin,), ()))
+    assert np.max(np.abs(force - true)) < CLOSE * np.max(true)
+    assert np.max(np.abs(true - plain)) > 20.0 * CLOSE * np.max(true)
+    assert np.min(force) == pytest.approx(-0.08, rel=close)
 
 
 def test_torn_ligaments_obey_their_equation(paper_model):
@@ -236,7 +233,7 @@ def test_torn_ligaments_obey_their_equation(paper_model):
     )  # fmt: skip
     time, still = jnp.asarray(far), jnp.zeros(far.size)
     motion = Motion(time, -time, still - 1.0, still)  # from the surface on: the pad has no tension
-    force = (paper_model("B") + AdhesionAtAStretch(strength, stretch)).force(motion)
+    force = whole(paper_model("B") + AdhesionAtAStretch(strength, stretch), motion)
     expected = -strength * np.exp(1.0 / 8.0) * far / stretch * law.y[0]
     assert np.asarray(force) == pytest.approx(expected, abs=1e-9)
 
@@ -260,16 +257,6 @@ def test_a_guide_acts_off_the_pad_too(paper_model, added, twin, speed):
     force = np.asarray((paper_model("B") + added).force(motion_of(platen, grid_of(platen))))
     pull = 0.1 if added.name == "guide_friction" else 0.004 * speed
     assert np.min(force) == pytest.approx(-pull, rel=0.2)
-
-
-def test_friction_that_yields_at_once_is_a_spring_then_a_slider():
-    """The corners of its loop: over two reaches the force turns round along a straight line."""
-    way = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)[1:]])
-    motion = Motion(*map(jnp.asarray, (np.arange(way.size) * 0.1, way, 0.0 * way, 0.0 * way)))
-    force = np.asarray(SharpFriction(0.1, 0.2, 1.0).force(_Nothing(), motion))
-    loading = np.minimum(way[:101] / 0.2, 1.0)
-    back = np.maximum(1.0 - (1.0 - way[101:]) / 0.2, -1.0)
-    assert force == pytest.approx(0.1 * np.concatenate([loading, back]), abs=1e-12)
 
 
 def test_pad_and_guide_rub_alike_until_contact_is_lost_and_in_part_with_the_force(paper_model):
@@ -375,8 +362,12 @@ def test_ligaments_hold_on_to_a_surface_that_has_not_recovered(paper_model):
     steps = Move(1.0, 5.0), Hold(20.0), Move(-1.3, 5.0)
     platen = Platen(steps, start_s=START, number=2)
     motion = motion_of(platen, grid_of(platen))
-    plain = np.asarray((paper_model("B") + AdhesionAtAStretch(0.0, 0.05, 0.0)).force(motion))
-    sticky = np.asarray((paper_model("B") + AdhesionAtAStretch(0.2, 0.05, 0.0)).force(motion))
+
+    @jax.jit
+    def force(strength):
+        return (paper_model("B") + AdhesionAtAStretch(strength, 0.05, 0.0)).force(motion)
+
+    plain, sticky = (np.asarray(force(strength)) for strength in (0.0, 0.2))
     end = int(np.flatnonzero(plain > 0.0)[-1])
     surface = float(motion.displacement[end])
     assert surface > 0.1  # it relaxed under the press, and is not back at rest

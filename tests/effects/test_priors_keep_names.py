@@ -89,21 +89,6 @@ def test_an_effect_keeps_a_force_of_its_own(reference, own_part, name, other, mo
     assert np.max(one @ two.T) < most
 
 
-def test_what_lay_beyond_a_bound_was_another_effect(reference, own_part):
-    """The cosines that the priors' comments state, each just beyond a bound."""
-    beyond = [
-        (find("power_law_drag")(0.01, 0.9), find("viscous_drag")(0.001), 0.995),
-        (find("squeeze_film")(0.001, 10.0 * 1.6), find("viscous_drag")(0.001), 0.985),
-        (find("conditioning")(0.03, 20.0), find("fluid_leak")(1e-5), 0.995),
-        (find("load_cell_creep")(0.05, 0.005), find("channel_lag")(0.001), 0.95),
-    ]
-    trial = conformance._Trial(find("inertia").default(reference.scales), reference)
-    for one, two, least in beyond:
-        forces = [jax.vmap(trial.law_with(x).force)(reference.motions) for x in (one, two)]
-        rows = unit(own_part(np.array(forces) - reference.baseline))
-        assert rows[0] @ rows[1] > least
-
-
 @pytest.mark.parametrize("frequency", [2.0, 5.0, 10.0])
 def test_ringing_rings_where_a_critically_damped_mass_is_inertia(reference, frequency):
     """With a machine that speeds up within 55 ms, by a general solver of the swing."""

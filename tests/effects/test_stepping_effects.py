@@ -39,15 +39,6 @@ def test_every_effect_steps_or_is_refused():
     assert sorted([*EFFECTS, *REFUSED]) == sorted(kind.name for kind in EVERY)
 
 
-@pytest.mark.parametrize("name", EFFECTS)
-@pytest.mark.few(2)
-def test_steps_give_the_force_of_the_whole_motion(name, paper_model):
-    model = paper_model("B") + effect(name)
-    force = batch(model, DEPTH)
-    assert relative(stepped(model, DEPTH, DT), force) < 1e-12
-    assert relative(force, batch(paper_model("B"), DEPTH)) > 1e-3  # it does something
-
-
 @pytest.mark.parametrize("name", INVERTED)
 @pytest.mark.few(2)
 def test_there_and_back(name, paper_model):
@@ -126,7 +117,7 @@ def late(model, delay=0.037):
     return model + effect("channel_lag", delay)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.004, 0.01, 0.037, 1.3])
+@pytest.mark.parametrize("delay", [0.037, 0.0, 0.004, 0.01, 1.3])
 @pytest.mark.few(1)
 def test_a_late_channel_reads_what_was_there_before(delay, paper_model):
     """Between steps, at a step, over many of them; beneath it effects that remember."""

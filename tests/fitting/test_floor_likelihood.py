@@ -92,8 +92,7 @@ def residuals(seed, sd=0.02):
     return found, found[real]
 
 
-@pytest.mark.parametrize("size", [0.0, 1e-3, 0.02, 0.5])
-@pytest.mark.parametrize("factor", [0.8, 1.0, 1.5])
+@pytest.mark.parametrize(("size", "factor"), [(0.0, 0.8), (1e-3, 1.5), (0.02, 1.0), (0.5, 0.8)])
 def test_each_size_is_a_normal_density_of_all_tests_together(size, factor):
     own = likelihood(f"noise.remainder={size}", f"noise.factor={factor}")
     noise, discrepancy = dense()
@@ -120,28 +119,18 @@ def test_sizes_and_scales_are_summed_with_their_priors():
     assert log_likelihood(own, whole) == pytest.approx(logsumexp(every), rel=1e-8)
 
 
-def test_it_is_the_likelihood_of_the_diagnosis():
-    """Summed over the sizes of the diagnosis's own grid, at the floor as it is."""
-    trials, blocks = two_tests()
-    made = Discrepancy.from_blocks(experiment(), trials, blocks)
-    whole, _ = residuals(3)
-    white = made.whitener(whole[None])[0]
-    precisions = made.whitener.precisions
-    constant = 0.5 * np.log(precisions / (2.0 * np.pi)).sum()
-    for k in (0, 5, 12, 18):
-        expected = constant - made.loss(white, k) - made.log_prior[k]
-        own = likelihood(f"noise.remainder={float(made.sizes[k])!r}", "noise.factor=1")
-        assert log_likelihood(own, whole) == pytest.approx(expected, rel=1e-9)
-
-
 def test_what_the_user_knows_of_the_noise_leaves_nothing_open():
-    own = likelihood("noise.white=0.004", "noise.ou=0", "noise.remainder=0")
+    """Neither in the likelihood nor in what moves the constants."""
+    known = ("noise.white=0.004", "noise.ou=0")
+    own = likelihood(*known, "noise.remainder=0")
     floor = replace(experiment().floor, white=0.004, ou=0.0, dwells=None)
     noise, _ = dense(floor)
     whole, flat = residuals(4)
     assert np.asarray(own.constants).tolist() == [[0.004, 0.0, floor.tau, 1.0, 0.0]]
-    expected = log_normal(flat, noise)
-    assert log_likelihood(own, whole) == pytest.approx(expected, rel=1e-8)
+    assert log_likelihood(own, whole) == pytest.approx(log_normal(flat, noise), rel=1e-8)
+    spread = find_start(experiment(), Choices(fixed=known), two_tests()[0]).spread
+    inverse = np.sort(spread.discrepancy.whitener.precisions)
+    np.testing.assert_allclose(1.0 / inverse[::-1], np.linalg.eigvalsh(noise), rtol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -205,12 +194,20 @@ def posterior_of(own):
 
 
 @cache
-def judged(count=1, seed=6):
-    """One residual, seen by draws of a factor 1.2 and a size of 0.02 N."""
+def judged(count=1):
+    """One residual, seen by draws of a factor 1.2 and a size of 0.02 N; their covariances."""
     own = likelihood("noise.remainder=0.02", "noise.factor=1.2")
-    whole, flat = residuals(seed)
+    whole, flat = residuals(6)
     choices = own.choices_of(np.repeat(own.constants, count, axis=0))
-    return own, np.repeat(whole[None], count, axis=0), choices, flat
+    noise, discrepancy = dense()
+    wholes = np.repeat(whole[None], count, axis=0)
+    return own, wholes, choices, flat, 1.2**2 * noise, 0.02**2 * discrepancy
+
+
+def are_standard(z):
+    """Means of many standard normals, and of their squares."""
+    assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(len(z))
+    assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / len(z))
 
 
 def _real():
@@ -218,25 +215,18 @@ def _real():
 
 
 def test_each_block_is_conditional_on_the_blocks_before_it():
-    own, wholes, choices, flat = judged()
-    noise, discrepancy = dense()
-    matrix = 1.2**2 * noise + 0.02**2 * discrepancy
+    own, wholes, choices, flat, noise, discrepancy = judged()
     (logs,) = own.conditional(wholes, choices)
     for k in (1, 2, 40, flat.size):
-        heads = log_normal(flat[:k], matrix[:k, :k])
+        heads = log_normal(flat[:k], (noise + discrepancy)[:k, :k])
         assert logs[:k].sum() == pytest.approx(heads, rel=1e-8, abs=1e-8)
 
 
 def test_replicates_hold_what_is_missed_and_new_noise():
-    count = 4000
-    own, wholes, choices, flat = judged(count)
-    noise, discrepancy = 1.2**2 * dense()[0], 0.02**2 * dense()[1]
+    own, wholes, choices, flat, noise, discrepancy = judged(4000)
     gain = discrepancy @ np.linalg.inv(noise + discrepancy)
     sd = np.sqrt(np.diag(discrepancy - gain @ discrepancy + noise))
-    z = (own.replicates(wholes, choices, np.random.default_rng(0)) - gain @ flat) / sd
-    # means of 4000 standard normals, and their squares, of 340 blocks each
-    assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(count)
-    assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / count)
+    are_standard((own.replicates(wholes, choices, np.random.default_rng(0)) - gain @ flat) / sd)
 
 
 def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
@@ -244,11 +234,10 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     trials, blocks = two_tests()
     e = experiment()
     other = next(t for t in e.trials if t not in trials)
-    times = np.geomspace(0.05, 20.0, 6)
-    names = [t.name for t in e.trials]
+    times, names = np.geomspace(0.05, 20.0, 6), [t.name for t in e.trials]
     places = Locations.joined(
         [
-            Locations.from_trial(e, t, names.index(t.name), times, np.full(times.size, 1.0))
+            Locations.from_trial(e, t, names.index(t.name), times, np.ones(times.size))
             for t in (trials[0], other)
         ]
     )
@@ -267,10 +256,8 @@ def test_what_is_missed_elsewhere_is_the_gaussian_process_given_the_fit():
     matrix = 1.2**2 * dense()[0] + 0.02**2 * dense()[1]
     gain = cross @ np.linalg.inv(matrix)
     variance = 0.02**2 * (places.size**2 + UNDECIDED.rough) - np.sum(gain * cross, axis=1)
-    z = (draws - gain @ flat) / np.sqrt(variance)
-    assert np.max(np.abs(z.mean(axis=0))) < 5.0 / np.sqrt(count)
-    assert np.max(np.abs((z**2).mean(axis=0) - 1.0)) < 5.0 * np.sqrt(2.0 / count)
     sds = np.sqrt(variance)
+    are_standard((draws - gain @ flat) / sds)
     assert sds[times.size :].min() > sds[: times.size].max()  # an unseen test is known less
 
 
@@ -300,9 +287,7 @@ def test_a_contact_of_the_fit_is_off_as_the_normal_given_its_residuals_says():
     assert not draws.any()
     flat, u = posterior.residuals(rows[:1])[0][real], changes[real]
     gain = u @ np.linalg.inv(dense()[0] + np.outer(u, u))
-    z = (errors[:, 0] - gain @ flat) / (1.2 * np.sqrt(1.0 - gain @ u))
-    assert abs(z.mean()) < 5.0 / np.sqrt(count)
-    assert abs((z**2).mean() - 1.0) < 5.0 * np.sqrt(2.0 / count)
+    are_standard((errors[:, 0] - gain @ flat) / (1.2 * np.sqrt(1.0 - gain @ u)))
     moved, rest = contacts.moved(posterior.record, errors)
     np.testing.assert_allclose(moved[:, 0], errors * changes[0])
     assert not moved[:, 1].any()
@@ -410,15 +395,6 @@ def test_the_curve_follows_the_data_where_the_model_is_wrong():
     least, found = np.sqrt(np.mean(left[:, predictor.space.real] ** 2, axis=1))
     assert least > 2.0 * pad.floor.total  # the model is wrong
     assert found < 1.05 * least
-
-
-def test_what_the_user_knows_of_the_noise_holds_for_what_moves_the_constants():
-    choices = Choices(fixed=("noise.white=0.05", "noise.ou=0"))
-    trials, _ = two_tests()
-    spread = find_start(experiment(), choices, trials).spread
-    noise = dense(replace(experiment().floor, white=0.05, ou=0.0, dwells=None))[0]
-    inverse = np.sort(spread.discrepancy.whitener.precisions)
-    np.testing.assert_allclose(1.0 / inverse[::-1], np.linalg.eigvalsh(noise), rtol=1e-8)
 
 
 @pytest.mark.slow

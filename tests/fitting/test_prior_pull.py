@@ -25,10 +25,13 @@ def told(medians, priors=()):
         name: Constant("1", x, 0.1 * x, x, (0.9 * x, 1.1 * x), None, None)
         for name, x in medians.items()
     }
-    fit = FitSummary(
+    return pulled(fit_of(constants), texts)
+
+
+def fit_of(constants):
+    return FitSummary(
         pad="B", effects=CHOICES.effects, sampler="emcee", converged=True, parameters=constants
     )
-    return pulled(fit, texts)
 
 
 @pytest.mark.parametrize(
@@ -55,8 +58,5 @@ def test_what_lies_within_its_prior_or_is_fixed_is_not_told():
     priors = ("frame_compliance.compliance=halfnormal(0.02)", "m=lognormal(0,0.5)")
     assert told(within, priors) == ()
     fixed = Constant("mm/N", 0.5, 0.0, 0.5, (0.5, 0.5), None, None)
-    fit = FitSummary(
-        pad="B", effects=(), sampler="emcee", converged=True,
-        parameters={"frame_compliance.compliance": fixed},
-    )  # fmt: skip
+    fit = fit_of({"frame_compliance.compliance": fixed})
     assert pulled(fit, {"frame_compliance.compliance": "fixed at 0.5"}) == ()

@@ -21,13 +21,12 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.reduction import clear_of_kinks
 
 GROUPS = {
-    "curve",
-    "posterior",
-    "posterior_predictive",
-    "log_likelihood",
-    "observed_data",
-    "constant_data",
-}
+    "curve", "posterior", "posterior_predictive", "log_likelihood", "observed_data", "constant_data"
+}  # fmt: skip
+UNITS = {
+    "m": "N/mm", "b": "1/mm", "c": "1", "v": "1/s", "noise.white": "N", "noise.ou": "N",
+    "noise.tau": "s", "noise.factor": "1", "noise.remainder": "N",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +45,13 @@ def arviz(tmp_path_factory):
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     path = tmp_path_factory.mktemp("results") / "posterior.nc"
-    found = fitted()
-    tree = to_arviz(
-        found, found.summary(), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
-    )
-    save(tree, path)
+    save(as_tree(fitted()), path)
     return path
+
+
+def as_tree(found):
+    told = {"source": "/data/pads.csv", "sha256": "abc", "all_tests": False, "seed": 0}
+    return to_arviz(found, found.summary(), **told)
 
 
 @pytest.fixture(scope="module")
@@ -73,17 +73,7 @@ def test_the_file_says_its_chains_units_indices_and_origin_and_every_number_is_f
     assert tree["posterior"].sizes["chain"] == found.facts["walkers"]
     posterior = tree["posterior"]
     units = {name: variable.attrs["units"] for name, variable in posterior.data_vars.items()}
-    assert units == {
-        "m": "N/mm",
-        "b": "1/mm",
-        "c": "1",
-        "v": "1/s",
-        "noise.white": "N",
-        "noise.ou": "N",
-        "noise.tau": "s",
-        "noise.factor": "1",
-        "noise.remainder": "N",
-    }
+    assert units == UNITS
     assert tree["observed_data"]["force"].attrs["units"] == "N"
     assert tree["constant_data"]["first_s"].attrs["units"] == "s"
     assert tree["posterior"]["c_index"].values.tolist() == [0, 1, 2]
@@ -154,8 +144,7 @@ def test_posterior_predictive_covers_what_was_observed_with_the_models_noise(tre
     rows = found.constants.reshape(-1, found.constants.shape[-1])[:200]
     predicted = found.posterior.forces(rows)[:, 0]
     real = np.asarray(found.posterior.record.blocks.real)[0]
-    draws = tree["posterior_predictive"]["force"].values.reshape(-1, int(real.sum()))[:200]
-    error = draws - predicted[:, real]
+    error = draws[:200] - predicted[:, real]
     constants = dict(zip(found.names, rows.T, strict=True))
     count = tree["constant_data"]["samples"].values
     factor = constants["noise.factor"][:, None]
@@ -172,7 +161,7 @@ def test_posterior_predictive_covers_what_was_observed_with_the_models_noise(tre
         Choices(modes=3, bonded=True, fixed=("v[2]=0.5", "c[1]=0.2")),
     ],
 )
-@pytest.mark.few(1)
+@pytest.mark.slow
 def test_what_is_saved_is_loaded(choices, tmp_path):
     found = fitted(choices, method="least-squares")
     path = tmp_path / "posterior.nc"
@@ -187,15 +176,6 @@ def test_what_is_saved_is_loaded(choices, tmp_path):
     assert saved.fitted == ("B-20",)
     assert saved.draws.shape == (found.constants[..., 0].size, len(found.names))
     assert [entry.name for entry in tmp_path.iterdir()] == ["posterior.nc"]
-
-
-def test_the_same_fit_gives_the_same_numbers(tree):
-    found = fitted()
-    again = to_arviz(
-        found, found.summary(), source="/data/pads.csv", sha256="abc", all_tests=False, seed=0
-    )
-    for group in GROUPS:
-        xarray.testing.assert_equal(tree[group].to_dataset(), again[group].to_dataset())
 
 
 def test_arrays_carry_checksums_and_a_file_of_a_newer_version_names_the_remedy(file, tmp_path):
@@ -223,50 +203,49 @@ def test_what_is_no_results_file_is_refused(tmp_path):
         load(path)
 
 
-def strangers_file(path, add):
-    """A file with a posterior of one constant and what ``add`` puts into it."""
-    with h5py.File(path, "w") as file:
-        group = file.create_group("posterior")
-        group["m"] = np.ones((2, 3))
-        add(group)
-    return path
-
-
 def test_a_strangers_file_takes_no_memory_and_reads_no_other_file(tmp_path):
-    other = tmp_path / "other.h5"
+    other, raw = tmp_path / "other.h5", tmp_path / "raw"
     with h5py.File(other, "w") as file:
         file["secret"] = np.ones((2, 3))
-    (tmp_path / "raw").write_bytes(bytes(48))
+    raw.write_bytes(bytes(48))
     layout = h5py.VirtualLayout((2, 3), "f8")
     layout[:] = h5py.VirtualSource(str(other), "secret", (2, 3))
-    strangers = {
-        "1e12 numbers on no disk": lambda group: group.create_dataset(
-            "b", (10**6, 10**6), "f8", chunks=(1000, 1000)
-        ),
-        "a link": lambda group: group.__setitem__("b", h5py.ExternalLink("other.h5", "/secret")),
-        "bytes elsewhere": lambda group: group.create_dataset(
-            "b", (2, 3), "f8", external=[(str(tmp_path / "raw"), 0, 48)]
-        ),
-        "a view": lambda group: group.create_virtual_dataset("b", layout),
-    }
-    for number, add in enumerate(strangers.values()):
-        path = strangers_file(tmp_path / f"{number}.nc", add)
+    large = {"shape": (10**6, 10**6), "dtype": "f8", "chunks": (1000, 1000)}
+    elsewhere = {"shape": (2, 3), "dtype": "f8", "external": [(str(raw), 0, 48)]}
+    for number, add in enumerate(
+        (
+            lambda group: group.create_dataset("b", **large),  # 1e12 numbers on no disk
+            lambda group: group.__setitem__("b", h5py.ExternalLink("other.h5", "/secret")),
+            lambda group: group.create_dataset("b", **elsewhere),
+            lambda group: group.create_virtual_dataset("b", layout),
+        )
+    ):
+        path = tmp_path / f"{number}.nc"
+        with h5py.File(path, "w") as file:
+            group = file.create_group("posterior")
+            group["m"] = np.ones((2, 3))
+            add(group)
         with pytest.raises(InputError, match="not a results file"):
             load(path)
 
 
-def test_a_fluid_and_what_the_tests_cover_travel_with_the_results(file, tmp_path):
-    saved = load(file)
+def test_a_fluid_and_what_the_tests_cover_travel_and_the_same_fit_gives_the_same_numbers(
+    file, tree, tmp_path
+):
+    saved, found = load(file), fitted()
+    assert list(saved.names) == found.names
+    np.testing.assert_array_equal(saved.constants, found.constants)
+    assert (saved.choices, saved.fitted) == (found.choices, ("B-20",))
     assert saved.fluid is None
     assert saved.converged
     reach = saved.covered
     assert reach.depth == pytest.approx(1.6, abs=0.01)
     assert (reach.slowest, reach.tests) == (pytest.approx(0.1, rel=0.01), 6)
     assert reach.hold == pytest.approx(30.0, rel=0.01)
-    found = fitted()
-    oily = replace(found, experiment=replace(found.experiment, fluid="oil"))
-    tree = to_arviz(oily, found.summary(), source="", sha256="", all_tests=False, seed=0)
-    save(tree, tmp_path / "posterior.nc")
+    oily = as_tree(replace(found, experiment=replace(found.experiment, fluid="oil")))
+    for group in GROUPS:
+        xarray.testing.assert_equal(tree[group].to_dataset(), oily[group].to_dataset())
+    save(oily, tmp_path / "posterior.nc")
     assert load(tmp_path / "posterior.nc").fluid == "oil"
 
 

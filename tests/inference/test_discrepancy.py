@@ -60,13 +60,7 @@ def test_features_and_correlations_are_those_of_the_prior():
     assert covariance(some, some)[0, 1] == pytest.approx(expected)
 
 
-def test_a_pads_blocks_are_covered_and_where_nothing_is_left_there_is_no_discrepancy():
-    experiment = hidden_pad(rates=(1.0, 20.0))
-    search = build_search(experiment, kinds=())
-    blocks = search.density.space.record.blocks
-    features = Features.from_locations(Locations.from_blocks(experiment, experiment.trials, blocks))
-    assert len(search.density.discrepancy.features) == features.factor.shape[0]
-    assert np.isfinite(search.density.discrepancy.shapes).all()
+def test_where_nothing_is_left_there_is_no_discrepancy():
     work, residuals = left_by_the_plain_model(hidden_pad(rates=(1.0, 20.0)))
     assert work.selected.mode.size == 0.0
     for band, residual in zip(discrepancy(work), residuals, strict=True):

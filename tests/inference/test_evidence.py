@@ -1,7 +1,6 @@
 """Densities of hypotheses: the fast way against dense algebra, quadrature and the plain model."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 from support.spaces import space_of
 
-from qlvbayes import read_study
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.inference.density import Density, Terms
 from qlvbayes.inference.errors.discrepancy import Discrepancy
@@ -24,15 +22,8 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import median
 from qlvbayes.inference.modes import bounded_step, find_mode, modes, predicted_decrease
 from qlvbayes.inference.starts import projected
-from qlvbayes.motion.experiment import prepare
 
-HIDDEN = Path(__file__).parents[2] / "data" / "hidden.csv"
 PEAK = 1.0
-
-
-@pytest.fixture(scope="module")
-def experiment():
-    return prepare(read_study(HIDDEN).pads[0])
 
 
 @pytest.fixture(scope="module")
@@ -105,19 +96,6 @@ def test_density_is_that_of_the_whole_covariance(experiment, density, space, siz
     assert density.terms(point, size).loss == pytest.approx(
         dense_loss(experiment, density, point, size)
     )
-
-
-def test_whitened_products_are_those_of_the_covariance(experiment, space, density):
-    blocks = space.record.blocks
-    rng = np.random.default_rng(0)
-    vectors = rng.standard_normal((2, *blocks.force.shape))
-    white = density.whitener(vectors)
-    expected = 0.0
-    for k, real in enumerate(np.asarray(blocks.real)):
-        one = type(blocks)(*(np.asarray(getattr(blocks, name))[k][real] for name in vars(blocks)))
-        sigma = mean_covariance(experiment.floor, one)
-        expected += vectors[0, k, real] @ np.linalg.solve(sigma, vectors[1, k, real])
-    assert white[0] @ white[1] == pytest.approx(expected)
 
 
 def test_gradient_is_the_slope_of_the_loss(density, space):

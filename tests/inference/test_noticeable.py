@@ -30,12 +30,12 @@ def mean_of_bracket(density, low):
 
 
 @pytest.mark.parametrize("prior", [HalfNormal(SD), Normal(0.0, SD)])
-@pytest.mark.parametrize("mean", [-0.004, 0.0, 0.003, 0.02, 0.1])
-@pytest.mark.parametrize("sd", [0.0005, 0.004, 0.03])
+@pytest.mark.parametrize(
+    ("mean", "sd"),
+    [(-0.004, 0.004), (0.0, 0.0005), (0.0, 0.03), (0.003, 0.004), (0.02, 0.0005), (0.1, 0.03)],
+)
 def test_the_closed_form_is_the_ratio_of_two_integrals(prior, mean, sd):
     low = 0.0 if isinstance(prior, HalfNormal) else -2.0
-    if mean < -8.0 * sd and low == 0.0:
-        pytest.skip("nothing of the posterior is left above zero")
     after = mean_of_bracket(norm(mean, sd).pdf, low)
     before = mean_of_bracket(norm(0.0, SD).pdf, low)
     assert log_noticeable(prior, mean, sd) == pytest.approx(np.log(after / before), abs=2e-6)

@@ -37,8 +37,7 @@ def test_parts_of_the_force_add_up_to_it():
     assert np.count_nonzero(np.any(rows != 0.0, axis=2), axis=1).tolist() == [1] * 3 * TESTS
 
 
-@pytest.mark.parametrize("size", [0.0, 0.3])
-@pytest.mark.parametrize("scatter", [(0.2, 0.0), (0.0, 0.4), (0.1, 0.3)])
+@pytest.mark.parametrize(("size", "scatter"), [(0.0, (0.2, 0.0)), (0.3, (0.1, 0.3))])
 def test_the_covariance_is_that_of_dense_matrices(size, scatter):
     """Against D + (1 - P)(s^2 K + V S V)(1 - P), with all matrices written out."""
     found, responses, parts, rng = made(3)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
+from support.stepped import whole
 
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.elastic.polynomial import HertzPower, Linear
@@ -105,10 +106,9 @@ def quadrature(model, time, depth):
     return np.array(total)
 
 
-@pytest.mark.parametrize("speed", [0.1, 20.0, 100.0])
-def test_whole_protocol_is_the_integral_on_the_same_straight_lines(paper_model, speed):
+def test_whole_protocol_is_the_integral_on_the_same_straight_lines(paper_model):
     """The only error left is rounding: the recursion is exact for piecewise-linear motion."""
-    platen = Platen(paper_protocol(speed))
+    platen = Platen(paper_protocol(100.0))
     time = corners(platen, 30)
     depth = platen.displacement(time)
     model = paper_model("B", bonded=True)
@@ -119,7 +119,7 @@ def test_whole_protocol_is_the_integral_on_the_same_straight_lines(paper_model, 
 
 @pytest.mark.parametrize("glued", [True, False])
 @pytest.mark.parametrize("speed", PAPER_RATES)
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_whole_protocol_solves_the_differential_equations(paper_model, speed, glued):
     """Against a stiff solver on the true motion, with chords too short to matter."""
     platen = Platen(paper_protocol(speed))
@@ -127,16 +127,6 @@ def test_whole_protocol_solves_the_differential_equations(paper_model, speed, gl
     expected = Pad(TABLE_1["B"], bonded=glued).force(platen, time)
     found = force(paper_model("B", bonded=glued), time, platen.displacement(time))
     assert np.max(np.abs(found - expected)) < 2e-7 * expected.max()
-
-
-def test_chords_cost_force_in_proportion_to_the_square_of_their_length(paper_model):
-    platen = Platen(paper_protocol(100.0))
-    model, errors = paper_model("B", bonded=True), []
-    for steps in (20, 40, 80):
-        time = corners(platen, steps)
-        exact = Pad(TABLE_1["B"], bonded=True).force(platen, time)
-        errors.append(np.max(np.abs(force(model, time, platen.displacement(time)) - exact)))
-    assert np.all(np.array(errors[:-1]) / errors[1:] > 3.8)
 
 
 def protocol_points(points=64):
@@ -245,7 +235,7 @@ def fine_quadrature(model, time, depth):
 
 
 @pytest.mark.parametrize("case", HOSTILE)
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 def test_hostile_motions_and_constants_give_exact_forces_and_finite_slopes(case):
     elastic, relaxation, time, depth = HOSTILE[case]
     model = bonded(elastic, relaxation)
@@ -300,20 +290,7 @@ def test_points_on_the_straight_lines_change_nothing(steps, depth, places):
     assert np.allclose(finer[last], coarse, rtol=1e-11, atol=1e-12)
 
 
-@given(steps=GAPS, one=DEPTHS, two=DEPTHS)
-@QUICK
-def test_a_linear_solid_superposes_displacements(steps, one, two):
-    model = bonded(Linear(0.4), RELAXATION)
-    time = np.cumsum(steps)
-    together = force(model, time, one + 2.0 * two)
-    apart = force(model, time, one) + 2.0 * force(model, time, two)
-    assert np.allclose(together, apart, rtol=1e-12, atol=1e-13)
-
-
-LAWS = [Exponential(0.34, 1.165), Linear(0.4), HertzPower(0.5, 1.5)]
-
-
-@pytest.mark.parametrize("law", LAWS, ids=repr)
+@pytest.mark.parametrize("law", [Exponential(0.34, 1.165), HertzPower(0.5, 1.5)], ids=repr)
 @given(steps=GAPS, depth=DEPTHS)
 @QUICK
 def test_modes_add_up(law, steps, depth):
@@ -327,26 +304,7 @@ def test_modes_add_up(law, steps, depth):
     assert np.allclose(together, apart, rtol=1e-12, atol=1e-13)
 
 
-@given(steps=GAPS, depth=DEPTHS, others=DEPTHS, now=st.integers(1, PATH - 1))
-@QUICK
-def test_force_does_not_foresee_the_motion(steps, depth, others, now):
-    model = bonded(Exponential(0.34, 1.165), RELAXATION)
-    time = np.cumsum(steps)
-    changed = np.where(np.arange(PATH) < now, depth, others)
-    assert np.array_equal(force(model, time, depth)[:now], force(model, time, changed)[:now])
-
-
-@given(steps=GAPS, depth=DEPTHS, shift=st.floats(-50.0, 50.0))
-@QUICK
-def test_force_does_not_depend_on_the_clock(steps, depth, shift):
-    model = bonded(Exponential(0.34, 1.165), RELAXATION)
-    time = np.cumsum(steps)
-    assert np.allclose(
-        force(model, time, depth), force(model, time + shift, depth), rtol=1e-11, atol=1e-11
-    )
-
-
-@pytest.mark.parametrize("points", [1, 2, 3, 5, 17, 100])
+@pytest.mark.parametrize("points", [3, 17, 100])
 def test_every_length_is_the_beginning_of_a_longer_one(paper_model, points):
     rng = np.random.default_rng(points)
     time, depth = np.cumsum(rng.exponential(0.2, 130)), rng.uniform(0.0, 1.6, 130)
@@ -356,41 +314,21 @@ def test_every_length_is_the_beginning_of_a_longer_one(paper_model, points):
     assert np.allclose(part, whole[:points], rtol=1e-12, atol=1e-13)
 
 
-@pytest.mark.parametrize("n", [1.5, 2.5])
-def test_hertz_converges_at_second_order_or_better(n):
+def test_hertz_converges_at_second_order_or_better():
     """From first touch, where the force is least smooth, and back, against the finest grid."""
-    model = bonded(HertzPower(0.5, n), RELAXATION)
+    model = bonded(HertzPower(0.5, 1.5), RELAXATION)
+    exact = fine_quadrature(model, np.arange(4.0), np.array([0.0, 1.6, 1.6, 0.4]))
     errors = []
     for pieces in (20, 40, 80):
         time = np.linspace(0.0, 3.0, 3 * pieces + 1)
         depth = np.interp(time, [0.0, 1.0, 2.0, 3.0], [0.0, 1.6, 1.6, 0.4])
-        exact = fine_quadrature(model, np.arange(4.0), np.array([0.0, 1.6, 1.6, 0.4]))
         errors.append(np.abs(force(model, time, depth)[::pieces] - exact)[1:])
     errors = np.array(errors)
     assert np.all(np.log2(errors[:-1] / errors[1:]) > 2.0)
     assert errors[-1].max() < 1e-6
 
 
-def test_linear_is_exponential_without_stiffening_and_a_hold_follows_relaxation(paper_model):
-    time, depth = protocol_points()
-    linear = force(bonded(Linear(0.4), RELAXATION), time, depth)
-    assert np.allclose(
-        force(bonded(Exponential(0.4, 0.0), RELAXATION), time, depth), linear, rtol=1e-13
-    )
-    for b in (1e-6, 1e-4):
-        bent = force(bonded(Exponential(0.4, b), RELAXATION), time, depth)
-        assert np.max(np.abs(bent - linear)) < 2.0 * b * np.max(linear)
-    model = bonded(Exponential(0.34, 1.165), RELAXATION)
-    held = force(model, np.array([0.0, 0.1, 500.0]), np.array([0.0, 1.6, 1.6]))[-1]
-    elastic = 0.34 / 1.165 * np.expm1(1.165 * 1.6)
-    assert np.isclose(held, RELAXATION.c[0] * elastic, rtol=1e-12)
-    model = bonded(Exponential(0.34, 1.165), RELAXATION)
-    time = np.geomspace(1e-3, 40.0, 30) - 1e-3
-    held = force(model, time, np.full(30, 0.9))
-    assert np.allclose(held / held[0], RELAXATION.curve(time), rtol=1e-12)
-
-
-@pytest.mark.parametrize("points", [3, 8, 60])
+@pytest.mark.parametrize("points", [3, 60])
 def test_a_parabola_told_by_its_sagitta_is_exact_for_a_linear_law(points):
     """d = t^2 makes k (c_0 t^2 + sum_i 2 c_i (t/v_i - (1 - e^{-v_i t})/v_i^2)), on any grid."""
     relaxation = Prony(jnp.array([0.2, 0.5, 0.3]), jnp.array([40.0, 0.3]))
@@ -419,9 +357,7 @@ def test_sagittas_make_a_sine_a_hundred_times_as_exact(paper_model):
         still = jnp.zeros(time.shape)
         own = jnp.asarray(sagitta) if curved else None
         motion = Motion(jnp.asarray(time), jnp.asarray(depth(time)), still, still, sagitta=own)
-        return np.asarray(
-            bonded(paper_model("B").elastic, paper_model("B").relaxation).force(motion)
-        )
+        return np.asarray(whole(paper_model("B", bonded=True), motion))
 
     exact = sine(1600, True)[::100]
     straight, curved = sine(16, False) - exact, sine(16, True) - exact

@@ -102,15 +102,6 @@ def test_what_is_missing_is_named(tmp_path, variables, problem):
     assert str(caught.value).startswith(f"{path}: ")
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    """A folder with posteriors of pads B and C made elsewhere."""
-    folder = tmp_path_factory.mktemp("elsewhere")
-    for seed, pad in enumerate("BC"):
-        written(folder / pad, vectors(drawn(pad, seed)))
-    return folder
-
-
 def test_check_predicts_from_a_posterior_made_elsewhere_or_says_what_is_missing(tmp_path):
     """Draws about the truth: a test that nobody fitted is predicted to a few per cent."""
     written(tmp_path / "B", vectors(drawn()))
@@ -133,14 +124,16 @@ def test_check_predicts_from_a_posterior_made_elsewhere_or_says_what_is_missing(
 
 
 @pytest.mark.slow
-def test_compare_works_on_them_alone_and_better_with_the_data(results):
-    status, _, err = call("compare", results, "--json")
+def test_compare_works_on_them_alone_and_better_with_the_data(tmp_path):
+    for seed, pad in enumerate("BC"):
+        written(tmp_path / pad, vectors(drawn(pad, seed)))
+    status, _, err = call("compare", tmp_path, "--json")
     assert (status, err) == (0, "")
-    alone = read_json(results / "compare" / "B-vs-C" / "compare.json")
+    alone = read_json(tmp_path / "compare" / "B-vs-C" / "compare.json")
     assert any("tests are not known" in notice for notice in alone["notices"])
-    status, _, err = call("compare", results, "--data", PADS)
+    status, _, err = call("compare", tmp_path, "--data", PADS)
     assert (status, err) == (0, "")
-    known = read_json(results / "compare" / "B-vs-C" / "compare.json")
+    known = read_json(tmp_path / "compare" / "B-vs-C" / "compare.json")
     assert known["settings"]["depth"] == 1.5
     assert not any("not known:" in notice for notice in known["notices"])
     assert known["differ"] is True

@@ -41,14 +41,6 @@ RELAXATION = [
 ]
 
 
-@pytest.mark.parametrize("elastic", ELASTIC, ids=repr)
-@pytest.mark.parametrize("bonded", [False, True])
-@pytest.mark.few(4)
-def test_steps_give_the_force_of_the_whole_motion(elastic, bonded):
-    model = Model(elastic, PRONY, bonded)
-    assert relative(stepped(model, DEPTH, DT), batch(model, DEPTH)) < 1e-12
-
-
 @pytest.mark.parametrize("relaxation", RELAXATION, ids=lambda x: type(x).__name__)
 @pytest.mark.few(1)
 def test_steps_serve_every_relaxation(relaxation):
@@ -60,13 +52,14 @@ def test_steps_serve_every_relaxation(relaxation):
 
 @pytest.mark.parametrize("elastic", ELASTIC, ids=repr)
 @pytest.mark.parametrize("bonded", [False, True])
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_there_and_back(elastic, bonded):
-    """Displacement to force to displacement in contact; force to displacement to force always."""
+    """Displacement to force and back in contact; force to displacement and back always."""
     model = Model(elastic, PRONY, bonded)
     back = solved(model, stepped(model, SHALLOW, DT), DT)
     assert relative(back, SHALLOW) < 1e-8
     force = np.asarray(stepped(model, DEPTH, DT))
+    assert relative(force, batch(model, DEPTH)) < 1e-12
     if not bonded:
         assert np.sum(force == 0.0) > 50  # contact is lost
     assert relative(stepped(model, solved(model, force, DT), DT), force) < 1e-8
