@@ -35,6 +35,7 @@ LARGEST_FORCE = 1e6
 """Times the peak force: beyond it squares overflow and nothing fits."""
 _KEPT = 4  # sizes of the discrepancy whose matrices, of megabytes, a part of the data keeps: a fit
 # goes to and fro between two
+_AT_BOUND = 1e-6  # of a natural length
 _PRIOR_STEP = 3e-4  # of the unconstrained numbers of a prior
 
 
@@ -170,7 +171,7 @@ class Density:
             whitened[1:],
             prior,
             self.discrepancy.separated(
-                responses,
+                np.where(_movable(parameters, theta)[:, None, None], responses, 0.0),
                 parameters.length,
                 partial(scaled_parts, predicted, responses, theta, parameters.amplitudes),
                 NONE if like is None else like.scatter,
@@ -234,6 +235,12 @@ class Density:
         separation = point.separation.with_errors(errors)
         size, scatter = self.discrepancy.likeliest(point.residual, guess, separation)
         return size, replace(point, separation=separation.with_scatter(scatter))
+
+
+def _movable(parameters: Parameters, theta: Array) -> NDArray[np.bool_]:
+    """Return which free parameters (F,) lie at none of their bounds, beyond which none follows."""
+    near = _AT_BOUND * parameters.length
+    return (theta > parameters.lowest + near) & (theta < parameters.highest - near)
 
 
 def _nearest(thetas: Array, modes: Sequence[Point]) -> NDArray[np.intp]:

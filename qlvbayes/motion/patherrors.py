@@ -122,7 +122,9 @@ def _errors_in(read: _Read, nodes: Array, changes: Array, grid: Array) -> Array:
     if path.error is not None:
         at = [np.interp([begin, end], path.error.time, x) for x in
               (path.error.velocity, path.error.acceleration)]  # fmt: skip
-        beyond = np.clip(np.stack(at), known, known / _KNOWN)
+        # beside a part that is not known at all, nor is what lies between
+        unknown = np.where(np.isnan(at), np.inf, at)
+        beyond = np.clip(unknown, known, known / _KNOWN)
     size = np.repeat(np.maximum(changes[:-1], changes[1:]), _STEPS) / np.sqrt(_STEPS)
     sds = np.concatenate([[read.sd], beyond[:, 0], size])
     rows = slice(np.searchsorted(read.time, begin), np.searchsorted(read.time, end) + 1)

@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.effects.catalogue import find
 from qlvbayes.inference.density import Terms
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
@@ -143,3 +145,20 @@ def test_a_model_without_slopes_leaves_the_discrepancy_as_it_is():
     assert separation.rank == 0
     size = float(found.sizes[3])
     assert found.at(size, separation) is found.at(size)
+
+
+@pytest.mark.parametrize("name", ["viscous_drag", "fluid_pressure", "stress_softening"])
+def test_an_effect_that_is_not_there_leaves_the_density_as_it_is(experiment, name):
+    """At its bound an amplitude can follow nothing, so that it takes nothing of a discrepancy."""
+    search = build_search(experiment, kinds=[find(name)])
+    density, plain = search.density, search.baseline
+    own = density.space.parameters(plain)
+    theta = np.median(density.space.prior_draws(plain), axis=0)
+    more = density.space.parameters(plain.plus(name))
+    with_it = np.median(density.space.prior_draws(plain.plus(name)), axis=0)
+    with_it[more.positions_of(own)] = theta
+    with_it[more.amplitude_of[name].number] = 0.0
+    points = [density.at(plain, theta), density.at(plain.plus(name), with_it)]
+    size = density.discrepancy.sizes[5]
+    losses = [density.loss(one, size, one.separation) - one.prior.loss for one in points]
+    assert losses[1] == pytest.approx(losses[0], rel=1e-9)
