@@ -59,7 +59,8 @@ def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
         for row, ranked in enumerate(ranking):
             value, look = ranked.log_bayes_factor, _look(diagnosis, ranked)
             axis.barh(row, value or 0.0, height=0.7, gid=look, **_look_of(look))
-            number = "n/a" if value is None else f"{value:z.1f}".replace("-", "−")
+            number = "–" if value is None else f"{value:z.1f}".replace("-", "−")
+            number = "measured" if ranked.effect in _measured(diagnosis) else number
             for text, points in zip((number, percentage(ranked.inclusion)), _TEXT_END, strict=True):
                 write_right(axis, text, row, points, ha="right")
         _scale(axis, [x for r in ranking if (x := r.log_bayes_factor) is not None], tight)
@@ -125,6 +126,13 @@ def _name(ranked: Ranked, refused: set[str]) -> str:
     return shortened(ranked.effect) + " ×" * (ranked.effect in refused)
 
 
+def _measured(diagnosis: DiagnosisResult) -> set[str]:
+    """Return the effects that every hypothesis has, as the readings show them beyond doubt."""
+    shown = {one.effect for one in diagnosis.direct_evidence if one.beyond_doubt}
+    without = {one.effect for one in diagnosis.ranking if one.log_bayes_factor is None}
+    return shown & without & set(diagnosis.effects)
+
+
 def _refused(diagnosis: DiagnosisResult) -> set[str]:
     return {refusal.effect for refusal in diagnosis.refused}
 
@@ -145,6 +153,11 @@ def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
         f"Sorted by probability, summed over all laws and all other effects{named}. Dotted: "
         f"odds of {exp(_ODDS):.0f} to 1 for the effect."
     ]
+    if _measured(diagnosis):
+        lines += [
+            "Measured: the readings show it beyond doubt, so that every hypothesis that counts has "
+            "it; –: no hypothesis with this one counts."
+        ]
     if _refused(diagnosis):
         lines += ["×: refused by a check of the tests; the text of the diagnosis gives the reason."]
     if unseen:
