@@ -177,4 +177,4 @@ def ranking_table(result: DiagnosisResult, unit: str) -> Table:
 
 
 def _one_digit(value: float | None) -> str:
-    return "n/a" if value is None else f"{round(value, 1) + 0.0:.1f}"
+    return "–" if value is None else f"{round(value, 1) + 0.0:.1f}"

@@ -154,5 +154,5 @@ def protocol_of(
         timed=any(trial.trajectory.velocity_resolved for trial in experiment.trials),
         one_depth=at_one_depth(experiment, nearly),
         interval=experiment.interval,
-        weighed=experiment.mass is not None,
+        mass_shown=experiment.mass is not None,
     )

@@ -221,7 +221,7 @@ class Inertia(AbstractEffect):
     @classmethod
     def unmeasured(cls, protocol: Protocol) -> str | None:
         """Return why the records do not give it: neither accelerations nor impulses."""
-        return None if protocol.weighed else super().unmeasured(protocol)
+        return None if protocol.mass_shown else super().unmeasured(protocol)
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the force with mass times acceleration added."""

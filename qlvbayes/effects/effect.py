@@ -41,7 +41,7 @@ class Protocol:
     timed: bool = True  # whether the displacement records give velocity
     one_depth: bool = False  # whether there are holds and all are at one depth
     interval: float = 0.0  # sampling interval (s); 0 where it does not matter
-    weighed: bool = False  # whether impulses at starts and stops show a moving mass
+    mass_shown: bool = False  # whether impulses at starts and stops show a moving mass
 
 
 class AbstractEffect(Pytree):

@@ -17,8 +17,10 @@ from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import plain, visible
 from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.phases import Phase
 
 TIMES = (1.0, 10.0, 100.0, 1000.0)  # s since the end of loading, a decade apart
+_INSTANTS = 2000  # of a ramp, at which it is asked whether the specimen is touched
 _AROUND = 0.1  # of a stated time, either side: readings that are averaged for it
 
 NOT_TO_EXTRAPOLATE = (
@@ -108,9 +110,6 @@ def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
     # the end of loading may be left out
     if np.min(np.abs(since)) > max(width, nearest) or initial <= 0.0:
         return None
-    # a way through air loads nothing
-    off = time[(time >= ramp.start) & (time < ramp.stop) & (trial.test.displacement <= 0.0)]
-    touched = float(off[-1]) if off.size else ramp.start
     at, left = [], []
     for moment in TIMES:
         near = force[np.abs(since - moment) <= _AROUND * moment]
@@ -119,10 +118,18 @@ def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
             left.append(float(np.mean(near)) / initial)
     return HoldReport(
         test=trial.name, deformation=float(trial.trajectory.displacement(hold.start)),
-        rate=finite_or_none(trial.rate), loading=ramp.stop - touched, initial=initial,
+        rate=finite_or_none(trial.rate), loading=ramp.stop - _touched(trial, ramp), initial=initial,
         hold=hold.stop - hold.start, at=tuple(at), left=tuple(left),
         history=_history(experiment, trial),
     )  # fmt: skip
+
+
+def _touched(trial: Trial, ramp: Phase) -> float:
+    """Return when a ramp touches the specimen (s): a way through air loads nothing."""
+    path = trial.trajectory
+    every = np.linspace(ramp.start, ramp.stop, _INSTANTS)
+    off = np.flatnonzero(path.displacement(every) < -2.0 * path.resolution)
+    return float(every[off[-1]]) if off.size else ramp.start
 
 
 def _history(experiment: Experiment, trial: Trial) -> str:

@@ -85,6 +85,7 @@ def _unresolved(read: _Read) -> list[tuple[Array, Array]]:
         for first, stop in edges.reshape(-1, 2).tolist()
         for begin in range(first, stop - 1, _LONGEST)
         for end in [min(begin + _LONGEST + 1, stop)]  # the next one begins where it ends
+        if np.any(changes[begin:end] > 0.0)  # the rest of a long one may have no change
     ]
 
 

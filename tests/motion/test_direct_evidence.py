@@ -252,8 +252,8 @@ def test_a_mass_is_weighed_by_impulses_where_no_acceleration_is_resolved(ramp_up
     mass, sd = with_mass(experiment).mass
     assert abs(mass - MASS) < 3.0 * sd
     assert sd < 0.1 * MASS
-    weighed = protocol_of(with_mass(experiment), bonded=False)
-    assert Inertia.unmeasured(replace(weighed, curved=False)) is None
+    protocol = protocol_of(with_mass(experiment), bonded=False)
+    assert Inertia.unmeasured(replace(protocol, curved=False)) is None
     prior = Inertia.default(with_mass(experiment).scales).mass
     assert prior.log_median == pytest.approx(np.log(mass))
-    assert Inertia.unmeasured(replace(weighed, curved=False, weighed=False)) is not None
+    assert Inertia.unmeasured(replace(protocol, curved=False, mass_shown=False)) is not None

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from support.motions import constant_jerk, read, sampled, sine, trapezoids
 
+from qlvbayes.motion import patherrors
 from qlvbayes.motion.patherrors import path_errors
 from qlvbayes.motion.trajectory import smooth
 
@@ -109,3 +110,15 @@ def test_a_fit_through_kinks_knows_that_its_acceleration_is_wrong():
     off = np.abs(a - smooth(t[::2], x[::2]).acceleration(t))
     sd = np.sqrt(np.sum(errors.acceleration**2, axis=0))
     assert np.all(sd[off > 0.5 * off.max()] > 0.2 * off.max())
+
+
+def test_the_rest_of_a_stretch_in_which_nothing_changes_has_no_errors(monkeypatch):
+    """A long stretch is cut into short ones, of which the last may lie in the rest after it."""
+    monkeypatch.setattr(patherrors, "_LONGEST", 5)
+    for length in (6, 12, 20):
+        rise = 0.002 * length
+        rows = [(0.3, 0.0, 0.0, 0.0), (rise, 20.0 / rise**2, 0.0, None), (0.1, 0.0, 0.0, 20.0),
+                (rise, -20.0 / rise**2, 0.0, None), (0.3, 0.0, 0.0, 0.0)]  # fmt: skip
+        _, found, *_ = errors_of(constant_jerk(rows, 3), 0.002, 1e-4)
+        assert np.isfinite(found.velocity).all()
+        assert np.isfinite(found.acceleration).all()

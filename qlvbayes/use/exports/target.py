@@ -99,8 +99,8 @@ def export(
         try:
             files = target.files(exported, specimen)
         except InputError as error:  # of several, the one that cannot
-            what = f"--to {target.name}: {error.message}"
-            raise InputError(what, remedy=error.remedy) from error
+            what = f"--to {target.name}: {error.message}" if len(targets) > 1 else error.message
+            raise InputError(what, file=error.file, line=error.line, remedy=error.remedy) from error
         content |= {Path(target.name, name): text for name, text in files.items()}
     folder = exported.folder / "export"
     for target in targets:
