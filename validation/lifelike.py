@@ -204,7 +204,7 @@ def keep(store: Store, seed: int, count: int) -> None:
         f"{len(cases)} of {count} registered studies were finished, {found['seen']} can be seen; "
         f"{found['cpu_s'] / max(len(cases), 1):.0f} s of CPU a study; wrong names: {each}."
     )
-    notes = [note, _calibration(cases), *_by_size(cases)]
+    notes = [note, _calibration(cases), _by_size(cases)]
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     command = f"python validation/lifelike.py --studies {count} --seed {seed}"
     origin = Origin(command, Origin.today(), commits_of(cases), machine)
@@ -217,7 +217,7 @@ _SIZES = (SEEN, 5.0, 8.0, math.inf)  # times what hides an effect
 _SPREADS = (0.0, 0.02, 0.05, math.inf)  # of the stiffness between tests
 
 
-def _by_size(cases: Sequence[Case]) -> list[str]:
+def _by_size(cases: Sequence[Case]) -> str:
     """Return how many hidden effects are named, by their size and by the pads' scatter."""
     hidden = [
         (one["seen"], case["stiffness"]["spread"], bool(kin(one["name"]) & set(case["effects"])))
@@ -227,10 +227,10 @@ def _by_size(cases: Sequence[Case]) -> list[str]:
     ]
     by_size = _shares([(size, named) for size, _, named in hidden], _SIZES)
     by_spread = _shares([(spread, named) for _, spread, named in hidden], _SPREADS)
-    return [
+    return (
         f"Hidden effects that are named, by their size over what hides them: {by_size}; by the "
         f"scatter of the stiffness from test to test: {by_spread}."
-    ]
+    )
 
 
 def _shares(valued: Sequence[tuple[float, bool]], edges: Sequence[float]) -> str:

@@ -120,11 +120,12 @@ class Samples:
 
         .. math:: \hat e = U C^{-1} r.
         """
-        blocks = density.space.record.blocks
-        changes = density.whitener(self.contacts.changes(blocks))
-        vectors = np.concatenate([residual[None], changes])
-        errors = discrepancy.products(vectors)[:1, 1:]
         moved = [np.zeros(own.size) for own in self.rows]
+        changes = self.contacts.changes(density.space.record.blocks)
+        if not np.any(changes):  # no contact was measured
+            return moved
+        vectors = np.concatenate([residual[None], density.whitener(changes)])
+        errors = discrepancy.products(vectors)[:1, 1:]
         for record, indices in zip(self.parts, self.indices, strict=True):
             change = self.contacts.moved(record, errors)[0][0]
             for k, some in enumerate(indices):
