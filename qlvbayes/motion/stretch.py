@@ -4,9 +4,9 @@ Both are fitted, and of those that are faithful to the readings the one that tak
 from the record is kept: a trapezoid of velocity needs a few pieces of constant acceleration, a
 sine a few spans of a quintic spline. At a reading a path may be off by what the reading's errors
 explain, and between two readings by as much as these differ; else straight lines through some of
-the readings take its place. Few readings of a move from rest to rest have a trapezoid of velocity:
-with the share s = (t - t_0) / T of its duration and the share r of speeding up and slowing down, a
-stroke D is
+the readings take the place of the pieces that are, or of all if that does not help. Few readings
+of a move from rest to rest have a trapezoid of velocity: with the share s = (t - t_0) / T of its
+duration and the share r of speeding up and slowing down, a stroke D is
 
 .. math:: x = x_0 + D \begin{cases} s^2 / 2r(1 - r) & s < r \\ (s - r/2) / (1 - r) & \\
           1 - (1 - s)^2 / 2r(1 - r) & s > 1 - r \end{cases}
@@ -16,11 +16,13 @@ Where the readings leave one of the three numbers open, the least acceleration i
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
+from scipy.ndimage import binary_dilation
 from scipy.optimize import least_squares
 
 from qlvbayes.io.arrays import Array
@@ -33,7 +35,7 @@ from qlvbayes.motion.freeknots import (
     with_worthwhile_knots,
     worst_residual,
 )
-from qlvbayes.motion.splines import Joints, Stretch, Window, fit, smooth_curve
+from qlvbayes.motion.splines import Flags, Joints, Stretch, Window, fit, smooth_curve
 
 FEWEST_OF_A_MOVE = 15  # readings: five each of speeding up, cruising, slowing down, to show them
 _CUBE = 8.0  # 2^3
@@ -43,6 +45,7 @@ _PER_KINK = 2.5  # times the numbers that a curve may take where the pieces end 
 _MOST_PIECES = 400  # beyond, only a smooth curve is tried first
 _BETWEEN = np.linspace(0.0, 1.0, 8)[1:-1]  # of the time between two readings: where a path is seen
 _SHARES = (0.5, *np.geomspace(0.48, 1e-3, 24))  # r, from a triangle to hardly more than a line
+_REPAIRS = 3  # rounds in which lines take the place of pieces, before they do of the whole path
 _MOVED = 1e-3  # of the stroke, from which a reading is taken to be in motion
 _SINGULAR = 1e-12  # of the largest element: readings at fewer than three times give no parabola
 
@@ -62,9 +65,11 @@ def fitted(
         return move
     first = 0 if before is None else before.stop - 1
     stop = t.size if after is None else after.first + 1
-    if strays(stretch, tol):
-        return lines(t[first:stop], x[first:stop], stretch.joints, stretch.window, tol)
-    return stretch
+    for _ in range(_REPAIRS):
+        if not np.any(strayed := straying(stretch, tol)):
+            return stretch
+        stretch = with_lines(stretch, binary_dilation(strayed), tol)
+    return lines(t[first:stop], x[first:stop], stretch.joints, stretch.window, tol)
 
 
 def _one_move(
@@ -121,7 +126,7 @@ def _fitted(
             return _constant(with_worthwhile_knots(plain, window, tol), window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
     curve = smooth_curve(ends, window, tol)
-    curve = None if curve is None or strays(curve, tol) else curve
+    curve = None if curve is None or np.any(straying(curve, tol)) else curve
     if curve is not None and (
         curve.parameters <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
     ):
@@ -192,30 +197,37 @@ def _at_rest(t: Array, away: Array, resting: float, between: Array) -> Array:
     return over + np.geomspace(between[0], resting - over, count + 1)[:-1] - between[0]
 
 
-def strays(stretch: Stretch, tol: Tolerance) -> bool:
-    """Return whether a path deviates from readings, or between two, by more than errors explain."""
+def straying(stretch: Stretch, tol: Tolerance) -> Flags:
+    """Return which pieces (k,) are off readings, or between two, by more than errors explain."""
     knots, time, x = stretch.joints.knots, stretch.window.time, stretch.window.displacement
     path = stretch.at(np.clip(time, knots[0], knots[-1]))
-    if not np.all(np.abs(path - x) <= tol.farthest):
-        return True
+    off = [time[~(np.abs(path - x) <= tol.farthest)]]
     inside = (time >= knots[0]) & (time <= knots[-1])
     time, x = time[inside], x[inside]
-    if time.size < 2:
-        return False
-    if stretch.degree == 2 and _overshoots(stretch, time, x, tol.farthest):
-        return True
+    if time.size >= 2:
+        if stretch.degree == 2:
+            off += _overshoots(stretch, time, x, tol.farthest)
+        off.append(_between_readings(stretch, time, x, tol.farthest))
+    pieces = np.zeros(knots.size - 1, dtype=bool)
+    every = np.searchsorted(knots, np.concatenate(off), side="right") - 1
+    pieces[np.clip(every, 0, pieces.size - 1)] = True
+    return pieces
+
+
+def _between_readings(stretch: Stretch, time: Array, x: Array, most: float) -> Array:
+    """Return times at which a path is off the line between two readings, beyond their changes."""
+    knots = stretch.joints.knots
     moved = np.pad(np.abs(np.diff(x)), 1)
-    bound = np.maximum(np.maximum(moved[:-2], moved[2:]), moved[1:-1]) + tol.farthest
+    bound = np.maximum(np.maximum(moved[:-2], moved[2:]), moved[1:-1]) + most
     every = np.concatenate([0.5 * (time[1:] + time[:-1]), 0.5 * (knots[1:] + knots[:-1]), knots])
     every = every[(every >= time[0]) & (every <= time[-1])]
     between = np.clip(np.searchsorted(time, every, side="right") - 1, 0, bound.size - 1)
-    off = np.abs(stretch.at(every) - np.interp(every, time, x))
-    questioned = every[off > bound[between]]
-    return not all(_is_determined(stretch, time, at) for at in questioned)
+    questioned = every[np.abs(stretch.at(every) - np.interp(every, time, x)) > bound[between]]
+    return np.array([at for at in questioned if not _is_determined(stretch, time, at)])
 
 
-def _overshoots(stretch: Stretch, time: Array, x: Array, most: float) -> bool:
-    """Return whether a path leaves the range of two readings by more, and does not turn there."""
+def _overshoots(stretch: Stretch, time: Array, x: Array, most: float) -> tuple[Array, Array]:
+    """Return both ends of where a path leaves the range of two readings, and does not turn."""
     between = time[:-1, None] + np.diff(time)[:, None] * _BETWEEN
     path, inner = stretch.at(time), stretch.at(between.ravel()).reshape(between.shape)
     moves = np.diff(x)
@@ -225,7 +237,8 @@ def _overshoots(stretch: Stretch, time: Array, x: Array, most: float) -> bool:
     ends = np.stack([x[:-1], x[1:], path[:-1], path[1:]])
     above = inner.max(axis=1) - ends.max(axis=0)
     below = ends.min(axis=0) - inner.min(axis=1)
-    return bool(np.any((np.maximum(above, below) > most) & ~turning))
+    left = (np.maximum(above, below) > most) & ~turning
+    return time[:-1][left], time[1:][left]
 
 
 def _is_determined(stretch: Stretch, time: Array, at: float) -> bool:
@@ -254,6 +267,34 @@ def lines(time: Array, x: Array, ends: Joints, window: Window, tol: Tolerance) -
     joints = Joints(time, np.ones(time.size, dtype=bool), ends.left, ends.right)
     own = PPoly(np.array([np.zeros(slopes.size), slopes, x[:-1]]), time)
     return Stretch(window, joints, 2, own, 2 * time.size)
+
+
+def with_lines(stretch: Stretch, some: Flags, tol: Tolerance) -> Stretch:
+    """Return a path of constant accelerations with lines through readings in some pieces (k,)."""
+    old, window, path = stretch.joints, stretch.window, stretch.pieces
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], some, [False]])))
+    knots, rows, last = [old.knots[:1]], [], 0
+    kinked = [old.knots[old.kinked]]
+    for first, stop in edges.reshape(-1, 2).tolist():
+        begin, end = old.knots[[first, stop]]
+        inside = (window.time > begin) & (window.time < end)
+        time = np.concatenate([[begin], window.time[inside], [end]])
+        left, right = stretch.at(np.array([begin, end]))
+        x = np.concatenate([[left], window.displacement[inside], [right]])
+        kept = corners(time, x, tol.rest)
+        time, x = time[kept], x[kept]
+        slopes = np.diff(x) / np.diff(time)
+        knots += [old.knots[last + 1 : first + 1], time[1:]]
+        kinked.append(time)
+        rows += [path.c[-3:, last:first], np.array([np.zeros(slopes.size), slopes, x[:-1]])]
+        last = stop
+    knots.append(old.knots[last + 1 :])
+    rows.append(path.c[-3:, last:])
+    new = np.concatenate(knots)
+    joints = replace(old, knots=new, kinked=np.isin(new, np.concatenate(kinked)))
+    inner = joints.kinked[1:-1]
+    pieces = PPoly(np.concatenate(rows, axis=1), new)
+    return Stretch(window, joints, 2, pieces, 2 * inner.size + int(inner.sum()) + 3)
 
 
 def corners(time: Array, displacement: Array, tolerance: float) -> NDArray[np.intp]:

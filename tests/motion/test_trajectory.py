@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 from support.motions import LIMIT, rounded, sampled, trapezoids
 
 from qlvbayes.io.checks import InputError
@@ -178,6 +179,23 @@ def test_no_knot_is_left_to_itself_between_readings():
         kept = np.sort(rng.choice(t.size, 300, replace=False))
         fit = smooth(t[kept], rounded(triangle[kept], 0.005))
         assert np.abs(fit.displacement(t) - triangle).max() < 0.2
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.few(1)
+def test_a_creep_stays_smooth_where_its_load_jumps(seed):
+    """Lines replace the pieces that leave the readings, not the motion of the whole record."""
+    t = np.arange(0.0, 84.0, 0.02)
+    on, off = (np.clip((t - begin) / 0.1, 0.0, 1.0) for begin in (2.0, 42.0))
+    load = on**2 * (3.0 - 2.0 * on) - 0.7 * off**2 * (3.0 - 2.0 * off)
+    creep = 0.4 * load
+    for compliance, tau in ((0.15, 0.3), (0.2, 3.0), (0.2, 25.0)):
+        share = 1.0 - np.exp(-0.02 / tau)
+        creep += compliance * lfilter([share], [1.0, share - 1.0], load)
+    noise = np.random.default_rng(seed).normal(0.0, STEP, t.size)
+    error = smooth(t, rounded(creep + noise, 0.1 * STEP)).displacement(t) - creep
+    assert np.sqrt(np.mean(error**2)) < 0.5 * STEP
+    assert np.abs(error).max() < 8.0 * STEP  # where the load jumps in five readings
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])
