@@ -55,7 +55,8 @@ def diagnose(
         with suppress(StopSearch):
             run_search(search)
         summary = summarize(experiment, search, shown, kinds, choices.bonded, report)
-    notices = pull_notices(experiment, bonded=choices.bonded, effects=choices.effects)
+    known = (*choices.effects, *summary.result.effects)
+    notices = pull_notices(experiment, bonded=choices.bonded, effects=known)
     result = structs.replace(
         summary.result,
         notices=(*experiment.notices, *notices, *summary.result.notices),

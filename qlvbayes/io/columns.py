@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
@@ -35,6 +38,7 @@ _WORDS = {
         r"(elapsed |running |test |total )?(time|zeit|temps|tiempo|tempo)\b.*",
         r"(pruf|versuchs|test|mess|lauf)zeit|(duree|durata|duracion|dauer)\b.*",
         r"time ?stamp|date ?time|zeitstempel|horodatage",
+        r"clock( time)?|uhrzeit|heure|hora|ora|orario",
     ),
     "displacement": (
         r"(indentation|penetration)( depth)?|pd|eindringtiefe|eindruckung|enfoncement|penetrazione"
@@ -90,6 +94,8 @@ _WITH_UNIT = (
     r"(.+)\s+in\s+(\S+)",
 )
 """Ways to write a column's unit after its name."""
+_LOGARITHM = re.compile(r"(log10|log|lg|ln)\s*\(\s*(.+?)\)", re.IGNORECASE)
+_BASES = {"ln": math.e}  # of logarithms, 10 of all others
 _COPY = re.compile(r"\.\d+$")  # by which pandas numbers equal names
 _EITHER = re.compile(r"[^A-Z]MN[)\]_]?$")
 _TIMES_TEN = re.compile(r"[x×*] ?\d")  # Force x10: its values are not in its unit
@@ -123,7 +129,13 @@ class NamedColumn:
 
 @lru_cache  # each layout asks for the same cells
 def split_header(cell: str) -> tuple[str, str]:
-    """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Weg / mm' or 'Zeit in s'."""
+    """Return name and unit of a cell: 'Force (N)', 'Fz, gf', 'Weg / mm' or 'Zeit in s'.
+
+    Of the logarithm of a quantity over its unit, as 'log10(t/s)', they are 'log10 t' and 's'.
+    """
+    if len(cell) <= _LONGEST and (of := _LOGARITHM.fullmatch(cell.strip())):
+        name, unit = split_header(of[2])
+        return f"{of[1].lower()} {name}", unit
     if len(cell) > _LONGEST or (cell.isupper() and _EITHER.search(cell)):
         return cell.strip(), ""
     for pattern in _WITH_UNIT:
@@ -341,7 +353,7 @@ def recording(
 ) -> Recording:
     """Return a recording of the picked columns, their values in the same order."""
     channels = [
-        Channel(quantity, column, named.unit, named.name)
+        Channel(quantity, _of_logarithm(named.name, column), named.unit, named.name)
         for (quantity, named), column in zip(picked.items(), values, strict=True)
     ]
     taken = {named.name for named in picked.values()}
@@ -351,6 +363,14 @@ def recording(
         _SHEAR.search(plain_name(one.name)) for one in (way, load)
     )
     return Recording(time, way, load, name, dropped=dropped, unused=unused, pressing=pressing)
+
+
+def _of_logarithm(name: str, values: Floats) -> Floats:
+    """Return values in their unit, also where the column has their logarithm."""
+    word, _, of = name.partition(" ")
+    if not of or not _LOGARITHM.fullmatch(f"{word}({of})"):
+        return values
+    return np.asarray(_BASES.get(word, 10.0) ** values)
 
 
 def split_name(name: str) -> tuple[str, str] | None:

@@ -114,7 +114,9 @@ class _Table:
         found = []
         for title, one in self.groups:
             sheared = None if self.header.picked else sheared_instead(columns, one)
-            used = [*one.values(), *(sheared or {}).values(), *([clock] if clock else [])]
+            if clock is not None:
+                return [self._on_two_clocks(one, clock, rows, first)]
+            used = [*one.values(), *(sheared or {}).values()]
             form = Form(self.separator, [(c.index, c.name) for c in used], labels, names=width)
             read = read_rows(rows, form, self.file, first)
             values = read.columns[:NAMES]
@@ -125,14 +127,31 @@ class _Table:
                     one, values = sheared, read.columns[NAMES:]
             own = on_clock(one, read.clocks, self.file)
             test = recording(columns, own, values, read.dropped, f"{self.name} {title}".strip())
-            if clock is not None:
-                own_time = Channel("time", read.columns[NAMES], clock.unit, clock.name)
-                unused = tuple(c for c in test.unused if c != clock.name)
-                test = replace(test, load_time=own_time, unused=unused)
             found += (
                 [test] if self.label is None else _by_specimen(test, self.label, read.labels[0])
             )
         return found
+
+    def _on_two_clocks(
+        self, picked: dict[str, NamedColumn], clock: NamedColumn, rows: bytes, first: int
+    ) -> Recording:
+        """Return a test whose channels have clocks, and as many rows as each has readings."""
+        columns = self.header.columns
+        width = max(column.index for column in columns) + 1
+        time, way, load = picked.items()
+        both = []
+        for pair in ((time[1], way[1]), (clock, load[1])):
+            form = Form(self.separator, [(c.index, c.name) for c in pair], [], names=width)
+            both.append(read_rows(rows, form, self.file, first))
+        (way_time, displacement), (load_time, force) = (one.columns for one in both)
+        dropped = both[0].dropped | both[1].dropped
+        own = on_clock(picked, both[0].clocks, self.file)
+        clock = on_clock({"time": clock}, both[1].clocks, self.file)["time"]
+        test = recording(columns, own, [way_time, displacement, force], dropped, self.name)
+        unused = tuple(c for c in test.unused if c != clock.name)
+        return replace(
+            test, load_time=Channel("time", load_time, clock.unit, clock.name), unused=unused
+        )
 
     def refuse_other_header(self, rows: bytes, first: int) -> None:
         """Raise InputError where names or units other than those of the columns are among rows."""

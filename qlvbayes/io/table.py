@@ -62,7 +62,10 @@ def parse_number(text: str, decimal: str) -> float | None:
 def with_point(cell: str, decimal: str) -> str:
     """Return a cell with a decimal point; hours, minutes and seconds become seconds."""
     if clock := CLOCK.fullmatch(cell):
-        minutes = 60 * int(clock[2]) + int(clock[3])  # the rows tell where a day ends
+        hours = int(clock[2])
+        if clock["half"]:
+            hours = hours % 12 + 12 * (clock["half"] in "Pp")
+        minutes = 60 * hours + int(clock[3])  # the rows tell where a day ends
         return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
     if len(decimal) == 2:
         cell = cell.replace(decimal[1], "")

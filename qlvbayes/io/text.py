@@ -30,7 +30,7 @@ _NAME = re.compile(  # a quoted name, or one with its unit
 )
 CLOCK = re.compile(  # ISO 8601, or the date as in German, French or English
     r"(\d{4}-\d\d-\d\d[T ]|\d\d?[./]\d\d?[./]\d{4} )?(\d+):(\d\d):(\d\d([.,]\d+)?)"
-    r"(Z|[+-]\d\d:?\d\d)?"
+    r"( ?(?P<half>[AaPp])[Mm])?(Z|[+-]\d\d:?\d\d)?"
 )
 _LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + CLOCK.pattern)
 

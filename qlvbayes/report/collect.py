@@ -94,14 +94,21 @@ class PadResults:
         return [ErrorTable(one) for one in checks if final.check and one]
 
     @property
+    def fitted(self) -> bool:
+        """Whether there is a posterior of the pad."""
+        return (self.folder / "posterior.nc").exists()
+
+    @property
     def force_unit(self) -> str:
         """Unit of the measured force."""
-        return str(self.final.facts.get("force_unit", "N"))
+        measured = self.diagnosis.units.force if self.diagnosis else "N"
+        return str(self.final.facts.get("force_unit", measured))
 
     @property
     def speed_unit(self) -> str:
         """Unit of the loading rate."""
-        displacement = str(self.final.facts.get("displacement_unit", "mm"))
+        measured = self.diagnosis.units.displacement if self.diagnosis else "mm"
+        displacement = str(self.final.facts.get("displacement_unit", measured))
         return "1/s" if displacement == "1" else f"{displacement}/s"
 
     @property
@@ -127,6 +134,11 @@ class Results:
     pads: tuple[PadResults, ...]
     comparisons: tuple[Compared, ...]
     runs: dict[str, Run]
+
+    @property
+    def typed(self) -> str:
+        """The folder as a command names it: the path of a machine is not shown."""
+        return (self.out.name if self.out.is_absolute() else self.out.as_posix()) or "OUT"
 
 
 def collect(out: Path) -> Results:

@@ -148,7 +148,7 @@ def _commands(results: Results) -> tuple[str, ...]:
         return ()
     default = Choices()
     given = Choices.from_dict(_choices(results)) if _choices(results) else default
-    words = ["qlvbayes", "fit", name, "-o", results.out.name]
+    words = ["qlvbayes", "fit", name, "-o", results.typed]
     options = {"elastic": "elastic", "relaxation": "relaxing", "noise": "noise"}
     for option, key in options.items():
         if getattr(given, key) != getattr(default, key):
@@ -192,10 +192,10 @@ def _quality(summary: FitSummary | None) -> str:
 
 def uses_of(results: Results) -> list[tuple[str, str]]:
     """Return what the first fitted pad can be used for, each with its command."""
-    fitted = [pad for pad in results.pads if (pad.folder / "posterior.nc").exists()]
+    fitted = [pad for pad in results.pads if pad.fitted]
     if not fitted:
         return []
-    out, pad = results.out.name or "OUT", fitted[0]
+    out, pad = results.typed, fitted[0]
     words = {
         "What a pad does in a motion, or under a load, that no test had, with 90 % bands": (
             "check", "--program", _program(pad),

@@ -108,13 +108,14 @@ def _title(results: Results) -> str:
 
 def _remedies(results: Results) -> dict[str, str]:
     """Return the command of each step that may have been left out."""
-    out, file = results.out.name or "OUT", source_name(results) or "FILE"
-    return {
-        "fit": as_typed("qlvbayes", "fit", file, "-o", out),
-        "check": as_typed("qlvbayes", "check", out),
-        "diagnose": as_typed("qlvbayes", "diagnose", file, "-o", out),
-        "compare": as_typed("qlvbayes", "compare", out),
-    }
+    out, file = results.typed, source_name(results) or "FILE"
+    fit, diagnose = (as_typed("qlvbayes", step, file, "-o", out) for step in ("fit", "diagnose"))
+    check, compare = (as_typed("qlvbayes", step, out) for step in ("check", "compare"))
+    if not any(pad.fitted for pad in results.pads):
+        for step, run in results.runs.items():  # as it was typed, with the options of the model
+            fit = run.command.replace(f"qlvbayes {step}", "qlvbayes study", 1)
+        check = compare = fit
+    return {"fit": fit, "check": check, "diagnose": diagnose, "compare": compare}
 
 
 @cache

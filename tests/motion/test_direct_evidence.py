@@ -130,6 +130,17 @@ def test_a_guide_that_rubs_is_neither_a_pull_nor_a_drag(left, air, speeds, press
     assert seen(experiment)["friction"].value == pytest.approx(0.1, abs=0.01)
 
 
+def test_a_pull_at_depth_may_be_that_of_a_guide_unless_less_rubs_on_the_way_in():
+    """The platen stays in contact, where a pad that relaxed has let go, or is glued."""
+    lets_go = lambda *motion: np.maximum(3.0 * glued(*motion), 0.0) + rubbed(motion[2])  # noqa: E731
+    holds = lambda time, depth, *_: 3.0 * solid(time, depth**2, 0.3, 0.2, 0.5)  # noqa: E731
+    for force, sure in ((lets_go, False), (holds, True)):
+        pull = seen(pressed(force, (2.0, 10.0), back=1.7))["adhesion"]
+        assert pull.value > 0.05
+        assert pull.beyond_doubt is sure
+        assert ("guide" in pull.sentence) is not sure
+
+
 def test_a_drag_in_air_is_no_friction():
     drags = pressed(lambda _, d, v, __: spring(d - 0.6) + 0.05 * v, (1.0, 4.0), stroke=3.0)
     assert "friction" not in beyond_doubt(drags)

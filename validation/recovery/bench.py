@@ -87,8 +87,9 @@ def bench() -> RecoveryBench:
         stiffness=_STIFFNESS,
     )
     elastic = Exponential(lognormal(0.34, 1.2), lognormal(1.165, 1.2))
+    noise = Correlated(*(lognormal(size, 1.5) for size in (_WHITE, _OU, _TAU)))
     relaxation = Prony(Dirichlet([6.0, 14.0]), Ordered((lognormal(0.5, 1.5),)))
-    return RecoveryBench(record, scales, elastic, relaxation, Correlated.default(scales))
+    return RecoveryBench(record, scales, elastic, relaxation, noise)
 
 
 def _path(rate: float, back: float) -> Trajectory:

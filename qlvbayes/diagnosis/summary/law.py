@@ -38,9 +38,8 @@ def _found(d: DiagnosisResult, law: Description) -> str:
     others = f" beside {joined(list(law.effects))}" if law.effects else ""
     count = len(law.parameters)
     constants = joined([f"{name} = {one}" for name, one in law.parameters.items()])
-    lead = (
-        "What is left" if law.effects else "No listed effect explains these tests: what they show"
-    )
+    nothing = "No listed effect can be named for these tests: what they show"
+    lead = "What is left" if law.effects else nothing
     differs = ""
     if law.strengths is not None and law.strengths.spread > 0.0:
         low, high = law.strengths.range

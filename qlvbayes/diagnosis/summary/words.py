@@ -273,7 +273,8 @@ def _base(d: DiagnosisResult) -> list[str]:
         return []
     likelier = any(base.probability > d.base.probability for base in others)
     head = "The likeliest hypothesis has the laws" if likelier else "The likeliest laws are"
-    text = f"{head} {d.base} ({percent(d.base.probability)} over all sets of effects)"
+    over = "with no effect but those that are named" if d.refused else "over all sets of effects"
+    text = f"{head} {d.base} ({percent(d.base.probability)} {over})"
     if d.base.pair != chosen.pair:
         text += f" instead of {chosen}"
     rest = [f"{base} ({percent(base.probability)})" for base in others[:2]]
@@ -420,10 +421,16 @@ def _runner_up(d: DiagnosisResult) -> list[str]:
 
 def _refused(d: DiagnosisResult) -> list[str]:
     """Return the effects that are probable by the fit but were refused."""
-    return [
+    text = [
         f"{one.effect} is likely by the fit, but not named: {one.reason}.{_varies(d, one.effect)}"
         for one in d.refused
     ]
+    known = {"none", *d.effects, *d.group, *(one.effect for one in d.refused)}
+    beside = [one.effect for one in d.ranking if one.inclusion >= _SURE and one.effect not in known]
+    if d.refused and beside:
+        others = joined([one.effect for one in d.refused], "or")
+        text.append(f"{joined(beside)} would be likely beside {others} only, and is not named.")
+    return text
 
 
 def _varies(d: DiagnosisResult, effect: str) -> str:
@@ -451,6 +458,12 @@ def _not_ruled_out(d: DiagnosisResult) -> list[str]:
     listed = [
         f"{joined(list(o.effects), 'with') or 'nothing'} ({percent(o.probability)})" for o in others
     ]
+    refused = {one.effect for one in d.refused}
+    if all(refused.intersection(one.effects) for one in others):
+        return [
+            f"By the fit alone, with effects that are not named, the likeliest sets are "
+            f"{joined(listed)}. The constants in diagnosis.json are averaged over all of these."
+        ]
     rest = 1.0 - sum(one.probability for one in d.not_ruled_out)
     if rest > _LITTLE:
         listed.append(f"others ({percent(rest)} together)")

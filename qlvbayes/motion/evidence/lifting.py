@@ -43,6 +43,7 @@ _SETTLED = 0.2  # of a friction, by which the force may differ before and after 
 _AGREE = 1.5  # largest ratio of one friction in two tests
 _END = 0.2  # of a movement, at its end or its beginning
 _BEGUN = 0.05  # of a movement, after which what rubs has yielded
+_SURFACE = 0.1  # of the greatest depth, from where a specimen has come back to its surface
 _OFF = 2.0  # errors of the contact, within which the specimen may be touched
 
 
@@ -54,6 +55,7 @@ class Lift:
     resting: Place | None
     lasts: bool  # whether the pull at rest is that of many readings
     comes_at_once: bool  # whether the force falls by half of the pull as the movement begins
+    to_surface: bool  # whether the platen goes back to where it touched, or beyond
 
 
 def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEvidence, ...]:
@@ -63,13 +65,15 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
     way in and at its end, so that a tare that is off, a drive that ripples or a guide that rubs is
     none; what any test shows to rub on the way in, rubs on the way back of all. A drag pulls too,
     by a power of the speed, and no longer when the platen rests; it is there at once as the platen
-    moves back, as a film is, which is thinnest at the greatest depth. A pull is beyond doubt where
-    it lasts at rest, does not grow with the speed, or comes gradually, in most tests that move
-    back: what is sticky sticks in all of them.
+    moves back, as a film is, which is thinnest at the greatest depth. A guide that rubs pulls at
+    any depth: unless the platen goes back to the surface, or a test shows that less rubs on the
+    way in, the pull may be its. Else it is beyond doubt where it lasts at rest, does not grow with
+    the speed, or comes gradually, in most tests that move back: what is sticky sticks in all.
     """
     if bonded or experiment.units.dimensionless:
         return ()
-    inward = [one for one in _every_inward(experiment) if one.is_clear]
+    approaching = _every_inward(experiment)
+    inward = [one for one in approaching if one.is_clear]
     rubs = Level(*pooled(inward)) if inward else Level(0.0, 0.0)
     lifts = [lift for trial in experiment.trials for lift in _lifts(experiment, trial, rubs)]
     back = {one.moving.trial.name for one in lifts}
@@ -98,13 +102,17 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
         why = "and it does not grow with the speed: it sticks, or it is bonded"
     elif gradual:
         why = "and it comes gradually as the platen moves back: it sticks, or it is bonded"
+    returned = any(one.to_surface for one in lifts)
+    guided = not (approaching or returned or high > _most_that_rubs(experiment))
+    if guided:
+        why = "which a guide that rubs may also do, as the platen does not go back to the surface"
     tests = {one.trial.name for one in places}
     sizes = plain(high) if low == high else f"{plain(low)} to {plain(high)}"
     return shown(
         "adhesion", "pull after contact", places, (high, largest.sd), unit,
         f"after contact the specimen pulls by {sizes} {unit} (error {plain(largest.sd, 2)}) in "
         f"{len(tests)} of {len(experiment.trials)} tests, {why}",
-        sure=(at_rest or speedless or gradual) and 2 * len(tests) > len(back),
+        sure=(at_rest or speedless or gradual) and not guided and 2 * len(tests) > len(back),
     )  # fmt: skip
 
 
@@ -138,7 +146,9 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
             resting = Place.between(trial, rest, zero, level, speed)
         fall = _first_fall(experiment, trial, move, speed)
         at_once = fall is None or fall.value + 2.0 * fall.sd > _HALF * moving.value
-        lifts.append(Lift(moving, resting, lasts, at_once))
+        reached = _SURFACE * experiment.depth + _OFF * (test.contact_sd or 0.0)
+        to_surface = bool(path.displacement(move.stop) <= reached)
+        lifts.append(Lift(moving, resting, lasts, at_once, to_surface))
     return lifts
 
 
@@ -247,6 +257,20 @@ def _every_inward(experiment: Experiment) -> list[Place]:
         if np.ptp(values) <= max(_SETTLED * abs(place.value), 2.0 * place.sd):
             places.append(place)
     return places
+
+
+def _most_that_rubs(experiment: Experiment) -> float:
+    """Return the least force soon after a test has touched, to which what rubs has added."""
+    least = [np.inf]
+    for trial in experiment.trials:
+        if (first := first_ramp(trial)) is None:
+            continue
+        rows = trial.rows(first.start, first.stop)
+        share = (trial.test.displacement[rows] - (trial.test.contact_sd or 0.0)) / experiment.depth
+        rows = rows[(share >= _BEGUN) & (share <= _SURFACE)]
+        if (level := level_of(experiment, trial, rows)) is not None:
+            least.append(level.value + 2.0 * level.sd)
+    return float(min(least))
 
 
 def _levels(experiment: Experiment, trial: Trial, parts: Sequence[Rows]) -> list[Level] | None:
