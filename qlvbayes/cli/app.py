@@ -16,7 +16,9 @@ import qlvbayes.app
 from qlvbayes.cli.options import EffectsFile
 from qlvbayes.effects.catalogue import own_effects
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.wording import as_typed
 
+_RESULTS = ("run.json", "bench.json", "measurements.csv")  # any of them marks a folder of results
 _NEEDED = ("starlette", "uvicorn", "python_multipart")
 
 
@@ -63,6 +65,9 @@ def app_command(
         )
     if file is not None and not file.exists():
         raise InputError("no such file", file=file, remedy="check the path")
+    if file is not None and file.is_dir() and not any((file / one).exists() for one in _RESULTS):
+        remedy = f"run {as_typed('qlvbayes', 'study', str(file), '-o', 'OUT')} and open OUT"
+        raise InputError("no results in this folder", file=file, remedy=remedy)
     if behind is not None and not behind.startswith(("http://", "https://")):
         raise InputError(f"no address {behind!r}", remedy="write https://NAME")
     if effects_file is not None:

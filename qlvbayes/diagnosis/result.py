@@ -79,8 +79,9 @@ class StructuredPhase(Part, frozen=True):
 
 
 class CellError(
-    Part, frozen=True, rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N"}
-):
+    Part, frozen=True,
+    rename={"rate": "rate_mm_s", "rmse": "rmse_N", "bias": "bias_N", "noise": "noise_N"},
+):  # fmt: skip
     """The error in the samples of one kind of phase in one test."""
 
     test: str
@@ -90,6 +91,8 @@ class CellError(
     # rmse, bias: root mean square and mean of measured minus predicted force (N)
     rmse: float
     bias: float
+    # sd (N) of the noise of these readings, where the file states an sd of each
+    noise: float | None = None
 
 
 class Stage(

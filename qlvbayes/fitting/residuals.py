@@ -55,6 +55,8 @@ class Cell(Part, frozen=True, rename=KEYS):
     fails: bool = False
     # rmse (N) beyond which the cell fails; large in short phases, which noise moves as a whole
     limit: float | None = None
+    # sd (N) of the noise of these readings, where the file states an sd of each
+    noise: float | None = None
 
 
 class Cycle(Part, frozen=True, rename=KEYS):
@@ -146,6 +148,7 @@ def _cell(prediction: Prediction, kind: str, level: float) -> Cell:
         n=int(selected.sum()), rmse=_rmse(residual), bias=float(residual.mean()),
         coverage90=float(inside[selected].mean()), p_value=p_value, fails=p_value < level,
         limit=limit,
+        noise=None if trial.test.force_sd is None else _rmse(prediction.floor[:, selected]),
     )  # fmt: skip
 
 

@@ -45,9 +45,10 @@ def row_label(
     return f"{name}\n{gap.join(below)}" if below else name
 
 
-def over_floor(rmse: float, noise: float) -> float:
-    """Return an error over the noise floor, or infinity where there is no noise."""
-    return rmse / noise if noise > 0.0 else inf
+def over_floor(cell: Cell | CellError, floor: float) -> float:
+    """Return an error over the noise of its readings, by default a floor; infinity over none."""
+    noise = floor if cell.noise is None else cell.noise
+    return cell.rmse / noise if noise > 0.0 else inf
 
 
 def short(ratio: float) -> str:
@@ -80,7 +81,7 @@ def draw_maps(
     shape = (len(maps), 1) if tight else (1, len(maps))
     axes = figure.subplots(*shape, sharey=True, squeeze=False).ravel()
     tests = list(tests_by_rate(maps[0].cells))
-    ratios = (over_floor(cell.rmse, noise) for one in maps for cell in one.cells)
+    ratios = (over_floor(cell, noise) for one in maps for cell in one.cells)
     worst, empty = max([10.0, *(ratio for ratio in ratios if isfinite(ratio))]), False
     for axis, one in zip(axes, maps, strict=True):
         empty |= _draw(axis, one, noise, worst, tests, kinds)
@@ -107,7 +108,7 @@ def _draw(
                 empty = True
                 _square(axis, row, column, facecolor="white", edgecolor="0.8", hatch="////")
                 continue
-            shade = min(log(max(over_floor(cell.rmse, noise), 1.0)) / log(worst), 1.0)
+            shade = min(log(max(over_floor(cell, noise), 1.0)) / log(worst), 1.0)
             failing = {"edgecolor": BLACK, "linewidth": 1.6, "gid": "fails"}
             look: dict[str, Any] = failing if one.fails(cell) else {"linewidth": 0.0}
             _square(axis, row, column, facecolor=_COLOURS(shade), **look)

@@ -66,7 +66,7 @@ def plot_residual_map(check: CheckResult, units: UnitSystem, *, width: float = M
             f"frame and cross: fails,{chr(10) if tight else ' '}error beyond noise, zero and "
             "the spread of the posterior",
         ]
-        if any(cell.fails and over_floor(cell.rmse, check.noise) < 1.0 for cell in check.cells):
+        if any(cell.fails and over_floor(cell, check.noise) < 1.0 for cell in check.cells):
             lines.append(
                 "a cell below 1 may fail: the mean of many readings has less noise than one"
             )
@@ -80,7 +80,7 @@ def _text(cell: Cell, noise: float) -> str:
     digits = max(0, 1 - floor(log10(max(cell.rmse, noise) or 1.0)))
     text = f"{cell.bias:+.{digits}f}" if digits < 6 else f"{cell.bias:+.1e}"
     text = text.replace("-", "+") if float(text) == 0.0 else text
-    return f"{short(over_floor(cell.rmse, noise))}\n{text.replace('-', chr(0x2212))}"
+    return f"{short(over_floor(cell, noise))}\n{text.replace('-', chr(0x2212))}"
 
 
 _PAIR_ROW, _PAIR_FRAME = 8.0, 45.0  # mm: a row of cells and the margins
@@ -123,7 +123,7 @@ def _map(stage: Stage, diagnosis: DiagnosisResult) -> ErrorMap:
     name = model_name(stage.effects, stage.base.others(diagnosis.stages[0].base))
     return ErrorMap(
         f"{fill(name, _TITLE)}\n{_p_value(stage.p_value)}", stage.cells,
-        lambda cell: short(over_floor(cell.rmse, diagnosis.noise)),
+        lambda cell: short(over_floor(cell, diagnosis.noise)),
     )  # fmt: skip
 
 

@@ -94,11 +94,6 @@ class PadResults:
         return [ErrorTable(one) for one in checks if final.check and one]
 
     @property
-    def fitted(self) -> bool:
-        """Whether there is a posterior of the pad."""
-        return (self.folder / "posterior.nc").exists()
-
-    @property
     def force_unit(self) -> str:
         """Unit of the measured force."""
         measured = self.diagnosis.units.force if self.diagnosis else "N"

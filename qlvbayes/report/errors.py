@@ -9,6 +9,7 @@ from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.wording import capitalized, joined, number, with_unit
 from qlvbayes.motion.phases import NAMES
+from qlvbayes.plots.cellmap import over_floor
 
 _DARKEST = 10.0  # times the noise, from where on a cell is as dark as can be
 
@@ -47,12 +48,12 @@ class ErrorTable:
 
     def over(self, cell: Cell) -> str:
         """Return a cell's error over the noise."""
-        ratio = cell.rmse / self.check.noise
+        ratio = over_floor(cell, self.check.noise)
         return f"{ratio:.1f}" if ratio < 100.0 else f"{ratio:.0f}"
 
     def shade(self, cell: Cell) -> float:
         """Return how dark a cell is, 0 to 1, even in the logarithm as in the figures."""
-        ratio = min(max(cell.rmse / self.check.noise, 1.0), _DARKEST)
+        ratio = min(max(over_floor(cell, self.check.noise), 1.0), _DARKEST)
         return round(log(ratio) / log(_DARKEST), 2)
 
     def in_words(self, unit: str) -> str:
@@ -84,7 +85,7 @@ def where(cell: Cell, noise: float, unit: str) -> str:
     return (
         f"the {NAMES.get(cell.phase, cell.phase)} of {cell.test}: "
         f"{with_unit(number(cell.rmse, 2, zeros=True), unit)} root mean square "
-        f"({number(cell.rmse / noise, 2)} times the noise)"
+        f"({number(over_floor(cell, noise), 2)} times the noise)"
     )
 
 

@@ -192,7 +192,7 @@ def _quality(summary: FitSummary | None) -> str:
 
 def uses_of(results: Results) -> list[tuple[str, str]]:
     """Return what the first fitted pad can be used for, each with its command."""
-    fitted = [pad for pad in results.pads if pad.fitted]
+    fitted = [pad for pad in results.pads if (pad.folder / "posterior.nc").exists()]
     if not fitted:
         return []
     out, pad = results.typed, fitted[0]

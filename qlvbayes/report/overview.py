@@ -12,6 +12,7 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.wording import number, to_sd
+from qlvbayes.plots.cellmap import over_floor
 from qlvbayes.report.collect import MARKS, facts_of, read_if_there
 
 _CONSTANTS = 12  # columns of constants: those of most pads come first
@@ -37,7 +38,11 @@ def overview_row(folder: Path) -> OverviewRow:
     check = read_if_there(CheckResult, folder / "check.json")
     diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
     parameters = summary.parameters if summary else {}
-    worst = max((cell.rmse / check.noise for cell in check.cells), default=None) if check else None
+    worst = (
+        max((over_floor(cell, check.noise) for cell in check.cells), default=None)
+        if check
+        else None
+    )
     return OverviewRow(
         next((part.pad for part in (summary, check, diagnosis) if part), folder.name),
         folder.name,

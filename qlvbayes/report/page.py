@@ -111,7 +111,7 @@ def _remedies(results: Results) -> dict[str, str]:
     out, file = results.typed, source_name(results) or "FILE"
     fit, diagnose = (as_typed("qlvbayes", step, file, "-o", out) for step in ("fit", "diagnose"))
     check, compare = (as_typed("qlvbayes", step, out) for step in ("check", "compare"))
-    if not any(pad.fitted for pad in results.pads):
+    if not any(pad.final.summary for pad in results.pads):
         for step, run in results.runs.items():  # as it was typed, with the options of the model
             fit = run.command.replace(f"qlvbayes {step}", "qlvbayes study", 1)
         check = compare = fit

@@ -24,6 +24,7 @@ from support.written_results import (
     facts,
     parameter,
     picture,
+    stored,
     summary,
     write,
     write_pad,
@@ -335,6 +336,20 @@ def test_numbers_can_be_read_back(value, digits, zeros):
 @given(st.floats(0.0, 1.0, exclude_min=True, exclude_max=True))
 def test_no_probability_is_rounded_to_certainty(share):
     assert percent_unbroken(share).split("\u00a0")[0] not in ("0", "100")
+
+
+def test_a_diagnosis_alone_has_its_units_and_leads_to_the_study_as_it_was_typed(tmp_path):
+    found = diagnosis("B")
+    found["units"] = {"displacement": "1", "force": "kPa"}
+    write(tmp_path / "B" / "diagnosis.json", found)
+    typed = "qlvbayes diagnose my/x.csv --bonded -o r"
+    run = stored("run", command=typed)
+    write(tmp_path / "run.json", {"schema": 1, "runs": {"diagnose": run}})
+    assert collect(tmp_path).pads[0].force_unit == "kPa"
+    assert collect(tmp_path).pads[0].speed_unit == "1/s"
+    words = Page(write_report(tmp_path)).words
+    assert "qlvbayes study my/x.csv --bonded -o r" in words
+    assert "qlvbayes check" not in words
 
 
 def test_a_run_is_noted_step_by_step_and_a_study_replaces_them(tmp_path):

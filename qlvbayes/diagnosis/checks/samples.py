@@ -190,7 +190,10 @@ def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
             if here.size:
                 size, bias = float(np.sqrt(np.mean(here**2))), float(here.mean())
                 rate = float(trial.rate) if np.isfinite(trial.rate) else None
-                cells.append(CellError(trial.name, kind, rate, here.size, size, bias))
+                noise = None
+                if trial.test.force_sd is not None:
+                    noise = float(np.sqrt(np.mean(samples.floor(k)[phases == kind] ** 2)))
+                cells.append(CellError(trial.name, kind, rate, here.size, size, bias, noise))
     return cells
 
 

@@ -426,10 +426,10 @@ def _refused(d: DiagnosisResult) -> list[str]:
         for one in d.refused
     ]
     known = {"none", *d.effects, *d.group, *(one.effect for one in d.refused)}
-    beside = [one.effect for one in d.ranking if one.inclusion >= _SURE and one.effect not in known]
-    if d.refused and beside:
+    likely = [one.effect for one in d.ranking if one.inclusion >= _SURE and one.effect not in known]
+    if d.refused and likely:
         others = joined([one.effect for one in d.refused], "or")
-        text.append(f"{joined(beside)} would be likely beside {others} only, and is not named.")
+        text.append(f"{joined(likely)} would be likely with {others} only, and is not named.")
     return text
 
 

@@ -48,6 +48,10 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
     lines += _long_term(pad)
     if not pad.converged:
         lines.append("Beware: the sampling had NOT CONVERGED")
+    if pad.lacking:
+        lines.append(
+            "Beware: the diagnosis says that something unmodelled is there (diagnosis.txt)"
+        )
     lost = (*_effects(pad, target), *target.cannot, *extra)
     lines.append("Not represented:" if lost else "Not represented: nothing of the fitted model")
     lines += [f"  - {line}" for line in lost]

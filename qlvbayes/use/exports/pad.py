@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import highest_density
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
@@ -69,7 +70,8 @@ class ExportedPad:
     model: with the constants of the middle draw and the effects that are exported; source, sha256:
     the file that was fitted and its digest; data: where the user says that it is; all_tests:
     whether every test was fitted; pieces: its layers, for other languages; left_out: effects that
-    are not exported, each with the reason.
+    are not exported, each with the reason; lacking: whether the diagnosis found something that no
+    effect of the model is.
     """
 
     name: str
@@ -91,6 +93,7 @@ class ExportedPad:
     middle: Draws
     table: Draws
     intervals: tuple[PosteriorInterval, ...]
+    lacking: bool = False
 
     @property
     def origin(self) -> str:
@@ -176,7 +179,13 @@ def read_pad(
         middle=_selected(every, slice(0, 1)),
         table=_selected(every, slice(1, None)),
         intervals=_intervals(file.with_name("summary.json"), names, units, values),
+        lacking=_lacks_something(file.with_name("diagnosis.json")),
     )
+
+
+def _lacks_something(file: Path) -> bool:
+    """Return whether a pad was diagnosed, and something unmodelled is there by the verdict."""
+    return file.exists() and DiagnosisResult.read(file).verdict.has_unmodelled
 
 
 def identifier(name: str, others: Iterable[str]) -> str:
