@@ -49,9 +49,7 @@ def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = 
     if not pad.converged:
         lines.append("Beware: the sampling had NOT CONVERGED")
     if pad.lacking:
-        lines.append(
-            "Beware: the diagnosis says that something unmodelled is there (diagnosis.txt)"
-        )
+        lines.append("Beware: by the diagnosis, more is there than this model")
     lost = (*_effects(pad, target), *target.cannot, *extra)
     lines.append("Not represented:" if lost else "Not represented: nothing of the fitted model")
     lines += [f"  - {line}" for line in lost]
