@@ -37,6 +37,12 @@ def stage_name(stage: Stage, chosen: LawPair) -> str:
     return " + ".join((", ".join(stage.base.others(chosen)) or _BASELINE, *stage.effects))
 
 
+def varying(d: DiagnosisResult) -> str:
+    """Return between what a strength differs: tests, or the phases of a single one."""
+    single = len({cell.test for cell in d.stages[0].cells}) == 1
+    return "From phase to phase" if single else "From test to test"
+
+
 def shown_effects(d: DiagnosisResult) -> tuple[str, ...]:
     """Return the effects that a verdict shows: the group of an ambiguous one, else those named."""
     return d.group or d.effects

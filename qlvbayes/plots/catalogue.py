@@ -136,8 +136,8 @@ FIGURES = (
         "constants",
         "fit",
         "Every constant of all pads with its 90 % interval.",
-        "Where the intervals of two pads do not overlap, the pads differ in that constant. Open "
-        "diamonds are reference values, where some are known.",
+        "Where the intervals of two pads do not overlap, the constant differs, if only a little. "
+        "Open diamonds are reference values, where some are known.",
     ),
     Figure(
         "contrasts",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from qlvbayes.diagnosis.phrases import varying
 from qlvbayes.diagnosis.result import Description, DiagnosisResult
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.io.wording import as_typed, joined, plain, to_noise
@@ -44,8 +45,7 @@ def _found(d: DiagnosisResult, law: Description) -> str:
     if law.strengths is not None and law.strengths.spread > 0.0:
         low, high = law.strengths.range
         differs = (
-            f" From test to test its strength is {plain(low, 2)} to {plain(high, 2)} times its "
-            "mean."
+            f" {varying(d)} its strength is {plain(low, 2)} to {plain(high, 2)} times its mean."
         )
     return (
         f"{lead}{others} is described by {law.formula}, with {constants} ({count} "

@@ -8,7 +8,7 @@ from functools import partial
 from qlvbayes.diagnosis.candidate import STIFFNESS
 from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.decision import Verdict
-from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead
+from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead, varying
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.summary.law import fit_command, law_paragraphs, law_step
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
@@ -183,7 +183,7 @@ def _strengths(d: DiagnosisResult) -> list[str]:
             low, high = differing.range
             trend = f" and {differing.grows_with}" if differing.grows_with else ""
             text.append(
-                f"From test to test the strength of {name} is {plain(low, 2)} to {plain(high, 2)} "
+                f"{varying(d)} the strength of {name} is {plain(low, 2)} to {plain(high, 2)} "
                 f"times its mean{trend}; {percent(differing.agreement)} of its force is that "
                 "of one strength."
             )
