@@ -13,6 +13,7 @@ from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.recursion import drained
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
@@ -151,6 +152,10 @@ def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> 
         return _drained(q, point, tau, n, stroke)
 
     points = (step, *_balance(step, xp.diff(depth), tau, n, stroke))
+    if xp.on_numpy(*points, tau, n, stroke):
+        bounds = (_NONE, _NEAR, *_POWERS)
+        if (compiled := drained(points, (tau, n, stroke), bounds)) is not None:
+            return compiled
     q = xp.recur(advance, np.zeros(()), points)
     return xp.concatenate([np.zeros(1), q])
 

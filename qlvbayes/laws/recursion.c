@@ -101,3 +101,40 @@ EXPORTED void add_modes(size_t points, size_t columns, size_t sums, size_t modes
         }
     }
 }
+
+static double drain_rate(double q, double tau, double n, double stroke, double none)
+{
+    return pow(fmax(fabs(q) / stroke, none), n - 1.0) / tau;
+}
+
+/* The pressure of a fluid that drains as a power of itself (effects/fluids.py, ``_drained``).
+   step, jump, source, balance, settling (points, columns); tau, n, stroke (columns);
+   none, near, low, high: bounds; pressed (points + 1, columns): q, from 0.  */
+EXPORTED void drain(size_t points, size_t columns, const double *step, const double *jump,
+                    const double *source, const double *balance, const double *settling,
+                    const double *tau, const double *n, const double *stroke, double none,
+                    double near, double low, double high, double *pressed)
+{
+    for (size_t j = 0; j < columns; j++)
+        pressed[j] = 0.0;
+    for (size_t p = 0; p < points; p++)
+        for (size_t j = 0; j < columns; j++) {
+            size_t i = p * columns + j;
+            double q = pressed[i] + jump[i], gap = q - balance[i];
+            double relative = drain_rate(q, tau[j], n[j], stroke[j], none), secant, power = 1.0;
+            if (fabs(gap) <= near * (fabs(q) + fabs(balance[i])))
+                secant = n[j] * drain_rate(0.5 * (q + balance[i]), tau[j], n[j], stroke[j], none);
+            else
+                secant = (relative * q - source[i]) / gap;
+            double excess = secant - settling[i];
+            if (fabs(excess) > near * secant)
+                power = (n[j] * relative - secant) / excess;
+            power = power < low ? low : power > high ? high : power;
+            double slower = -power * settling[i] * step[i];
+            double slope = slower == 0.0 ? 1.0 : expm1(slower) / slower;
+            double grown = power * excess * step[i] * slope;
+            double decay = settling[i] * step[i] + log1p(grown) / power;
+            double share = secant > 0.0 ? -expm1(-decay) / secant : step[i];
+            pressed[i + columns] = q + (source[i] - relative * q) * share;
+        }
+}

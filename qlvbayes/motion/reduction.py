@@ -28,6 +28,7 @@ from qlvbayes.motion.trajectory import Trajectory
 GROWTH = 0.2  # a block's width over the time since its phase began
 MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
 RESTING_BLOCKS = 8  # and in a hold
+_NEAR = 3  # intervals ahead whose median is the local one
 _MOST_KINKS = 40
 _MARGIN = 1.2  # sampling intervals either side of a kink that are left out,
 _SPARED = 0.03  # if they are at most this share of the phases around it
@@ -69,7 +70,7 @@ def reduce_test(
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
     shortest = 2.0 * float(np.median(np.diff(whole.time)[:200]))
-    edges = block_edges(phases, trajectory.kinks, shortest)
+    edges = block_edges(phases, trajectory.kinks, shortest, whole.time)
     # before single samples the motion is as fine as that of the block means
     lead = edges[(edges > whole.time[0]) & (edges < test.time[0])]
     if blocks:
@@ -111,18 +112,23 @@ def reduce_test(
     return Record(motion, held(indices), averaged, wrong)
 
 
-def block_edges(phases: Sequence[Phase], kinks: Array, shortest: float) -> Array:
+def block_edges(phases: Sequence[Phase], kinks: Array, shortest: float, time: Array) -> Array:
     """Return the times at which blocks begin and end; no block crosses a phase's end or a kink.
 
-    Within a phase the spacing grows with the time since it began.
+    Within a phase the spacing grows with the time since it began. It is ``shortest`` (s) at least,
+    or less where the record, with readings at ``time`` (n,), is at least twice as dense.
     """
+    apart = 2.0 * np.diff(time)
     edges = [np.array([phases[0].start])]
     for phase in phases:
         length = phase.stop - phase.start
         longest = length / (MOVING_BLOCKS if phase.kind in MOVING else RESTING_BLOCKS)
         own = [0.0]
         while own[-1] < length:
-            own.append(own[-1] + min(max(GROWTH * own[-1], shortest), max(longest, shortest)))
+            at = int(np.searchsorted(time, phase.start + own[-1]))
+            near = float(np.median(apart[at : at + _NEAR])) if at < apart.size else shortest
+            least = near if near < 0.5 * shortest else shortest
+            own.append(own[-1] + min(max(GROWTH * own[-1], least), max(longest, least)))
         edges.append(phase.start + np.array([*own[1:-1], length]))
     if kinks.size <= _MOST_KINKS:
         edges.append(kinks)

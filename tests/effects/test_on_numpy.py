@@ -7,6 +7,7 @@ import pytest
 
 from qlvbayes import xp
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
+from qlvbayes.effects.fluids import PowerLawDrainage
 from qlvbayes.laws import recursion
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.elastic.exponential import Exponential
@@ -104,9 +105,12 @@ def test_an_effect_has_one_force(kind, bonded):
 
 def test_numpy_runs_the_recursion_where_nothing_is_compiled(monkeypatch):
     """Of every elastic law; tests/inference/test_forces.py has them and relaxations compiled."""
+    drains = [PowerLawDrainage.default(SCALES)]
+    check_equal(*BASE, drains, bonded=False)
     monkeypatch.setattr(recursion, "_library", lambda: None)
     for kind in LAWS.elastic:
         check_equal(kind.default(SCALES), BASE[1], bonded=True)
+    check_equal(*BASE, drains, bonded=False)
 
 
 def test_functions_of_arrays_work_along_the_first_axis():

@@ -94,6 +94,19 @@ def test_two_nodes_average_a_cubic_exactly(record):
     assert np.allclose(reduced.average(nodes), reduced.blocks.force, rtol=1e-12)
 
 
+def test_blocks_are_short_where_a_thinned_record_is_dense():
+    """A hundred readings, dense about the press: its peak is not averaged with what follows."""
+    fine = np.arange(0.0, 0.2, 0.005)
+    time = np.concatenate([fine, np.geomspace(0.2, 300.0, 60)])
+    test = Test("t", "B", time, np.minimum(10.0 * time, 1.0), np.exp(-10.0 * time))
+    trajectory = smooth(time, test.displacement)
+    blocks = reduce_test(test, trajectory, find_phases(trajectory)).blocks
+    first, last = np.asarray(blocks.first), np.asarray(blocks.last)
+    hold = (first > 0.1) & (last < 1.0)
+    assert hold.sum() > 8
+    assert np.all((last - first)[hold] < np.maximum(0.75 * (first[hold] - 0.1), 0.016))
+
+
 def test_weights_are_the_measured_sds_over_their_scale(record):
     test, trajectory, phases = record(20.0)
     even = with_force(test, test.force, np.full(test.time.size, 0.03))
