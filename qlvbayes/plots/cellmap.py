@@ -91,7 +91,11 @@ def draw_maps(
         axis.tick_params(length=0, labeltop=True, labelbottom=False)
         axis.spines[:].set_visible(False)
         axis.set_title(one.title, loc="left")
-    _colour_bar(figure, list(axes), worst, noise, units, below=tight)
+    own = any(cell.noise is not None for one in maps for cell in one.cells)
+    floor = "noise of the readings" if own else "noise floor"
+    gap = " " if tight else "\n"
+    label = f"RMSE / {floor}{gap}({'about ' * own}1 = {plain(noise)} {units.force})"
+    _colour_bar(figure, list(axes), worst, label, below=tight)
     return list(axes), empty
 
 
@@ -123,9 +127,7 @@ def _draw(
     return empty
 
 
-def _colour_bar(
-    figure: Figure, axes: list[Axes], worst: float, noise: float, units: UnitSystem, *, below: bool
-) -> None:
+def _colour_bar(figure: Figure, axes: list[Axes], worst: float, label: str, *, below: bool) -> None:
     """Draw the colour bar to the right of the axes, or below them."""
     shades = ScalarMappable(LogNorm(1.0, worst), _COLOURS)
     look: dict[str, Any] = {"fraction": 0.05, "pad": 0.03}
@@ -139,8 +141,7 @@ def _colour_bar(
     side.set_major_formatter(StrMethodFormatter("{x:g}"))
     side.set_minor_formatter(NullFormatter())
     bar.outline.set_visible(False)
-    gap = " " if below else "\n"
-    bar.set_label(f"RMSE / noise floor{gap}(1 = {plain(noise)} {units.force})")
+    bar.set_label(label)
 
 
 def _square(axis: Axes, row: int, column: int, **look: Any) -> None:

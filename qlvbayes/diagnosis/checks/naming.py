@@ -137,13 +137,22 @@ def contact_error(experiment: Experiment) -> float | None:
 
 
 def contact_notices(experiment: Experiment, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Return a sentence if a contact offset lies beyond the error of the measured contact."""
+    """Return a sentence on each contact offset: within the measured contact's error, or beyond."""
     error = contact_error(experiment)
-    return tuple(
-        f"pad {experiment.pad}: {name.removesuffix('.gap')} of {gap} contradicts the measured "
-        f"contact, which is known to {plain(error, 2)} {gap.unit}. One of the two is wrong: "
-        "another effect looks like an offset, or drag, a film or a lag has moved the measured "
-        "onset of the force. The option --contact states a contact where a machine's file is read"
-        for name, gap in estimates.items()
-        if is_gap(name) and error is not None and abs(gap.mean) > _BEYOND * np.hypot(gap.sd, error)
-    )
+    if error is None:
+        return ()
+    notices = []
+    for name, gap in estimates.items():
+        if not is_gap(name):
+            continue
+        text = f"pad {experiment.pad}: {name.removesuffix('.gap')} of {gap} "
+        known = f"contact, which is known to {plain(error, 2)} {gap.unit}"
+        if abs(gap.mean) > _BEYOND * np.hypot(gap.sd, error):
+            text += f"contradicts the measured {known}. One of the two is wrong: another effect "
+            text += "looks like an offset, or drag, a film or a lag has moved the measured onset "
+            text += "of the force. The option --contact states a contact where a machine's file "
+            text += "is read"
+        else:
+            text += f"agrees with the measured {known}: it corrects it, and is no other effect"
+        notices.append(text)
+    return tuple(notices)
