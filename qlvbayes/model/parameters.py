@@ -94,7 +94,7 @@ def unit_kinds(posterior: Modelled) -> list[str]:
     return [field.unit for field in all_fields(posterior) for _ in field.names]
 
 
-NOT_SAMPLED = "not sampled"  # constants that measured noise fixes or the likelihood sums over
+NOT_SAMPLED = "measured at rest, or summed over a few values"  # by the likelihood
 
 
 def described(fields: Iterable[Field]) -> dict[str, str]:

@@ -18,6 +18,7 @@ from qlvbayes.motion.trajectory import Stroke, Trajectory, planned
 _SLOWEST = 1e-5  # least share of the top speed: slower tests take too long
 _LEAST_DEPTH = 0.2  # of the rig's depth: below, forces of soft pads drown in noise
 _LEAST_HOLD = 100.0  # readings, by which a controller has settled
+_LEAST_BACK = 0.02  # share of the depth, below which a retraction is none
 _GENTLEST = 0.1  # of the rig's acceleration
 _FULL, _NONE = 0.4, 0.2  # shares of the draws that retract fully, and not at all
 _CYCLES = (1, 1, 1, 2, 4, 7)  # equally likely; `records` could not hold the motion of more
@@ -130,11 +131,17 @@ def _design(row: Array, rig: Rig, recovery: Callable[[float], float], longest: f
     least = _LEAST_HOLD * rig.interval
     slowest = max(_SLOWEST * rig.speed, 4.0 * rig.depth / longest)  # a quarter of the longest test
     back = float(np.clip((share - _NONE) / (1.0 - _FULL - _NONE), 0.0, 1.0))
+    back = back if back > _LEAST_BACK else 0.0
     count = _CYCLES[min(int(cycles * len(_CYCLES)), len(_CYCLES) - 1)] if back > 0.0 else 1
+    depth = rig.depth * (_LEAST_DEPTH + (1.0 - _LEAST_DEPTH) * float(np.sqrt(depth)))
+    acceleration = _between(_GENTLEST * rig.acceleration, rig.acceleration, acceleration)
+    speed = _between(min(slowest, rig.speed), rig.speed, speed)
     design = Design(
-        depth=rig.depth * (_LEAST_DEPTH + (1.0 - _LEAST_DEPTH) * np.sqrt(depth)),
-        speed=_between(min(slowest, rig.speed), rig.speed, speed),
-        acceleration=_between(_GENTLEST * rig.acceleration, rig.acceleration, acceleration),
+        depth=depth,
+        speed=min(
+            speed, float(np.sqrt(acceleration * depth))
+        ),  # what a press of this depth reaches
+        acceleration=acceleration,
         hold=max(_between(least, longest, hold) / count, least),
         share=back,
         rest=max(_between(least, longest, rest) / count, least) if back > 0.0 else 0.0,
