@@ -195,7 +195,12 @@ class Loaded:
     @property
     def begins_without_force(self) -> bool:
         """Return whether the force at the first position is none, within the noise."""
-        return abs(self.force_at_first) <= max(_REST * self.peak, _AGREES * scatter(self.load))
+        return self.begins_with(0.0)
+
+    def begins_with(self, force: float) -> bool:
+        """Return whether the force at the first position is this one, within the noise."""
+        off = abs(self.force_at_first - force)
+        return off <= max(_REST * self.peak, _AGREES * scatter(self.load))
 
     @property
     def begins_at_zero(self) -> bool:

@@ -274,8 +274,11 @@ def _zero(
     most = counts and counts[0] >= max(_ENOUGH, sum(counts) / 2.0) and counts[0] not in counts[1:]
     agreed = contacts[0] if most else None
     late = agreed and float(one.way[0]) > agreed.position - _APART * agreed.sd
-    if agreed is not None and late and not one.begins_without_force:
-        return _from_others(one, agreed)
+    if agreed is not None and not one.begins_without_force:
+        # off the specimen by the others' contact, its cell as untared as theirs
+        untared = agreed.force != 0.0 and one.begins_with(agreed.force)
+        if late or untared:
+            return _from_others(one, agreed, "beyond" if late else "before")
     if before is not None:
         finding = (
             f"contact at {one.written(before.position)} {one.units.displacement}, the zero of the "
@@ -317,12 +320,12 @@ def _label(one: Loaded, stage: StageContact) -> str:
     return "0" if stage.kept else one.written(stage.position)
 
 
-def _from_others(one: Loaded, agreed: StageContact) -> Zero:
+def _from_others(one: Loaded, agreed: StageContact, where: str) -> Zero:
     length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.way, one.load)
     finding = (
         f"contact at {one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}, on which "
-        f"the pad's {len(agreed.members)} other files agree: this one begins beyond it, at "
+        f"the pad's {len(agreed.members)} other files agree: this one begins {where} it, at "
         f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
         f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
