@@ -24,6 +24,8 @@ from qlvbayes.motion.noisefloor import NoiseFloor
 from qlvbayes.motion.phases import Phase
 from qlvbayes.simulate import NOISES, simulate_study
 
+UNWEIGHTED = SimpleNamespace(force_sd=None)  # a test whose file states no sds
+
 ETA = 0.003  # N s/mm, of the drag that some tests below suffer from
 
 
@@ -256,7 +258,7 @@ def prediction(times, observed, rng, floor=None):
     forces = 0.002 * rng.standard_normal((DRAWS, 1)) + np.zeros(times.size)
     floor = noise(times, DRAWS, rng) if floor is None else floor
     phase = np.full(times.size, "hold")
-    trial = SimpleNamespace(name="test", role="validate", rate=20.0, phases=())
+    trial = SimpleNamespace(name="test", role="validate", rate=20.0, phases=(), test=UNWEIGHTED)
     mean = forces.mean(axis=0)
     wide = np.full(times.size, 0.02)
     return Prediction(trial, times, phase, observed, mean, -wide, wide, forces, floor)
@@ -286,7 +288,7 @@ def test_p_values_of_a_right_model_are_uniform_in_the_tail_and_five_sds_fail(nam
 def test_an_error_of_nothing_but_rounding_does_not_divide_by_zero():
     times = TIMES["slow ramp"]
     nothing = np.zeros((DRAWS, times.size))
-    trial = SimpleNamespace(name="test", role="fit", rate=20.0, phases=())
+    trial = SimpleNamespace(name="test", role="fit", rate=20.0, phases=(), test=UNWEIGHTED)
     phase = np.full(times.size, "ramp")
     zero = np.zeros(times.size)
     given = Prediction(trial, times, phase, zero, zero, zero, zero, nothing, nothing)
