@@ -135,7 +135,8 @@ def split_header(cell: str) -> tuple[str, str]:
     """
     if len(cell) <= _LONGEST and (of := _LOGARITHM.fullmatch(cell.strip())):
         name, unit = split_header(of[2])
-        return f"{of[1].lower()} {name}", unit
+        if unit:  # in 'Ln (mm)' the unit of a length stands in brackets
+            return f"{of[1].lower()} {name}", unit
     if len(cell) > _LONGEST or (cell.isupper() and _EITHER.search(cell)):
         return cell.strip(), ""
     for pattern in _WITH_UNIT:

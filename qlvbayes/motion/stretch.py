@@ -65,11 +65,15 @@ def fitted(
         return move
     first = 0 if before is None else before.stop - 1
     stop = t.size if after is None else after.first + 1
+    strayed = straying(stretch, tol)
     for _ in range(_REPAIRS):
-        if not np.any(strayed := straying(stretch, tol)):
-            return stretch
+        if not np.any(strayed):
+            break
         stretch = with_lines(stretch, binary_dilation(strayed), tol)
-    return lines(t[first:stop], x[first:stop], stretch.joints, stretch.window, tol)
+        strayed = straying(stretch, tol)
+    if np.any(strayed):
+        return lines(t[first:stop], x[first:stop], stretch.joints, stretch.window, tol)
+    return stretch
 
 
 def _one_move(
