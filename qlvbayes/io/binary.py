@@ -74,9 +74,11 @@ class Binary:
         if self.module and find_spec(self.module) is None:
             what = f"to read it the package {self.package} is needed"
             raise InputError(what, file=path, remedy=f"install it: pip install {self.install}")
+        head = b""
         try:
             with path.open("rb") as stream:
-                newer = stream.read(len(_MATLAB[1])) == _MATLAB[1]
+                head = stream.read(len(_MATLAB[1]))
+                newer = head.startswith(_MATLAB[1])
             return read_apart("hdf5" if newer else self.kind, path)
         except (OSError, ApartError) as error:
             if "spring constant" in str(error):
@@ -86,6 +88,9 @@ class Binary:
             what = f"the file is cut off or damaged ({' '.join(str(error).split())[:120]})"
             remedy = "try 'ros2 bag reindex' or 'mcap recover', or record it again"
             remedy = remedy if self.kind == "ros" else "copy or export it again"
+            if head.startswith(_OLD_OFFICE):
+                what = f"this is an Excel workbook of before 2007, and {what}"
+                remedy = "copy it again, or open it in Excel and save it as .xlsx"
             raise InputError(what, file=path, remedy=remedy) from error
 
 
