@@ -111,11 +111,12 @@ class _Table:
         columns, clock = self.header.columns, self.header.clock
         width = max(column.index for column in columns) + 1
         labels = [] if self.label is None else [self.label.index]
+        if clock is not None:  # the header names the columns of one test
+            ((_, picked),) = self.groups
+            return [self._on_two_clocks(picked, clock, width, rows, first)]
         found = []
         for title, one in self.groups:
             sheared = None if self.header.picked else sheared_instead(columns, one)
-            if clock is not None:
-                return [self._on_two_clocks(one, clock, rows, first)]
             used = [*one.values(), *(sheared or {}).values()]
             form = Form(self.separator, [(c.index, c.name) for c in used], labels, names=width)
             read = read_rows(rows, form, self.file, first)
@@ -133,11 +134,11 @@ class _Table:
         return found
 
     def _on_two_clocks(
-        self, picked: dict[str, NamedColumn], clock: NamedColumn, rows: bytes, first: int
-    ) -> Recording:
+        self, picked: dict[str, NamedColumn], clock: NamedColumn, width: int, rows: bytes,
+        first: int,
+    ) -> Recording:  # fmt: skip
         """Return a test whose channels have clocks, and as many rows as each has readings."""
         columns = self.header.columns
-        width = max(column.index for column in columns) + 1
         time, way, load = picked.items()
         both = []
         for pair in ((time[1], way[1]), (clock, load[1])):

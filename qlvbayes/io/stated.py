@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 
 from qlvbayes.io.columns import plain_name, split_header
 from qlvbayes.io.recording import Stated
-from qlvbayes.io.text import COMMENT, cells_of, separator_of
+from qlvbayes.io.text import COMMENT, cells_of, hour_of_day, separator_of
 
 # Keys without accents and marks, in English, German, French, Italian and Spanish.
 _SPECIMEN = (
@@ -107,9 +107,7 @@ def _began(date: str, clock: str) -> tuple[float | None, str]:
     if found is None or time is None:
         return None, ""
     year, month, day, _ = found
-    hour = int(time["h"])
-    if time["half"]:
-        hour = hour % 12 + 12 * (time["half"].upper() == "P")
+    hour = hour_of_day(int(time["h"]), time["half"])
     try:
         at = datetime(year, month or 1, day if month else 1, hour, int(time["min"]), tzinfo=UTC)
     except ValueError:  # there is no such day

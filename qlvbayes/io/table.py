@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.text import CLOCK, cells_of, is_like_number
+from qlvbayes.io.text import CLOCK, cells_of, hour_of_day, is_like_number
 
 SHOWN = 60  # characters of a line that an error shows
 LARGEST_SHARE = 0.02  # share of a test's readings that may be bad; with more it is not reliable
@@ -62,10 +62,8 @@ def parse_number(text: str, decimal: str) -> float | None:
 def with_point(cell: str, decimal: str) -> str:
     """Return a cell with a decimal point; hours, minutes and seconds become seconds."""
     if clock := CLOCK.fullmatch(cell):
-        hours = int(clock[2])
-        if clock["half"]:
-            hours = hours % 12 + 12 * (clock["half"] in "Pp")
-        minutes = 60 * hours + int(clock[3])  # the rows tell where a day ends
+        hour = hour_of_day(int(clock[2]), clock["half"])
+        minutes = 60 * hour + int(clock[3])  # the rows tell where a day ends
         return f"{60 * minutes + float(clock[4].replace(',', '.')):.9f}"
     if len(decimal) == 2:
         cell = cell.replace(decimal[1], "")

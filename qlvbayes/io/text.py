@@ -35,6 +35,11 @@ CLOCK = re.compile(  # ISO 8601, or the date as in German, French or English
 _LIKE_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?|" + CLOCK.pattern)
 
 
+def hour_of_day(hour: int, half: str | None) -> int:
+    """Return an hour of 24, of one that an A or a P tells to be before or after noon."""
+    return hour % 12 + 12 * (half in ("P", "p")) if half else hour
+
+
 def digest(path: Path) -> str:
     """Return the SHA-256 of the file's bytes on the disk."""
     try:

@@ -69,8 +69,7 @@ def reduce_test(
     whole = whole or test
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
-    shortest = 2.0 * float(np.median(np.diff(whole.time)[:200]))
-    edges = block_edges(phases, trajectory.kinks, shortest, whole.time)
+    edges = block_edges(phases, trajectory.kinks, whole.time)
     # before single samples the motion is as fine as that of the block means
     lead = edges[(edges > whole.time[0]) & (edges < test.time[0])]
     if blocks:
@@ -112,13 +111,15 @@ def reduce_test(
     return Record(motion, held(indices), averaged, wrong)
 
 
-def block_edges(phases: Sequence[Phase], kinks: Array, shortest: float, time: Array) -> Array:
+def block_edges(phases: Sequence[Phase], kinks: Array, time: Array) -> Array:
     """Return the times at which blocks begin and end; no block crosses a phase's end or a kink.
 
-    Within a phase the spacing grows with the time since it began. It is ``shortest`` (s) at least,
-    or less where the record, with readings at ``time`` (n,), is at least twice as dense.
+    Within a phase the spacing grows with the time since it began. It is twice the interval between
+    the first readings at least, of those at times (n,) in s, or less where a record is twice as
+    dense.
     """
     apart = 2.0 * np.diff(time)
+    shortest = float(np.median(apart[:200]))
     edges = [np.array([phases[0].start])]
     for phase in phases:
         length = phase.stop - phase.start

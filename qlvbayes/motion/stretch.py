@@ -146,10 +146,14 @@ def _fitted(
 
 def _constant(joints: Joints, window: Window) -> Stretch:
     """Return pieces of constant acceleration; a free knot counts as a parameter."""
-    inner = joints.kinked[1:-1]
-    parameters = 2 * inner.size + int(inner.sum()) + 3
     spline = fit(joints, window.time, window.displacement, DEGREE)
-    return Stretch(window, joints, DEGREE, spline.pieces(), parameters)
+    return Stretch(window, joints, DEGREE, spline.pieces(), _parameters(joints))
+
+
+def _parameters(joints: Joints) -> int:
+    """Return how many numbers pieces of constant acceleration took from the record."""
+    inner = joints.kinked[1:-1]
+    return 2 * inner.size + int(inner.sum()) + 3
 
 
 def _window(
@@ -265,12 +269,9 @@ def lines(time: Array, x: Array, ends: Joints, window: Window, tol: Tolerance) -
     x = x.copy()
     for at, level in ((0, ends.left), (-1, ends.right)):
         x[at] = x[at] if level is None else level
-    kept = corners(time, x, tol.rest)
-    time, x = time[kept], x[kept]
-    slopes = np.diff(x) / np.diff(time)
-    joints = Joints(time, np.ones(time.size, dtype=bool), ends.left, ends.right)
-    own = PPoly(np.array([np.zeros(slopes.size), slopes, x[:-1]]), time)
-    return Stretch(window, joints, 2, own, 2 * time.size)
+    own = _through(time, x, tol.rest)
+    joints = Joints(own.x, np.ones(own.x.size, dtype=bool), ends.left, ends.right)
+    return Stretch(window, joints, 2, own, 2 * own.x.size)
 
 
 def with_lines(stretch: Stretch, some: Flags, tol: Tolerance) -> Stretch:
@@ -285,20 +286,25 @@ def with_lines(stretch: Stretch, some: Flags, tol: Tolerance) -> Stretch:
         time = np.concatenate([[begin], window.time[inside], [end]])
         left, right = stretch.at(np.array([begin, end]))
         x = np.concatenate([[left], window.displacement[inside], [right]])
-        kept = corners(time, x, tol.rest)
-        time, x = time[kept], x[kept]
-        slopes = np.diff(x) / np.diff(time)
-        knots += [old.knots[last + 1 : first + 1], time[1:]]
-        kinked.append(time)
-        rows += [path.c[-3:, last:first], np.array([np.zeros(slopes.size), slopes, x[:-1]])]
+        through = _through(time, x, tol.rest)
+        knots += [old.knots[last + 1 : first + 1], through.x[1:]]
+        kinked.append(through.x)
+        rows += [path.c[-3:, last:first], through.c]
         last = stop
     knots.append(old.knots[last + 1 :])
     rows.append(path.c[-3:, last:])
     new = np.concatenate(knots)
     joints = replace(old, knots=new, kinked=np.isin(new, np.concatenate(kinked)))
-    inner = joints.kinked[1:-1]
     pieces = PPoly(np.concatenate(rows, axis=1), new)
-    return Stretch(window, joints, 2, pieces, 2 * inner.size + int(inner.sum()) + 3)
+    return Stretch(window, joints, DEGREE, pieces, _parameters(joints))
+
+
+def _through(time: Array, x: Array, tolerance: float) -> PPoly:
+    """Return straight lines through those readings from which the others are no farther."""
+    kept = corners(time, x, tolerance)
+    time, x = time[kept], x[kept]
+    slopes = np.diff(x) / np.diff(time)
+    return PPoly(np.array([np.zeros(slopes.size), slopes, x[:-1]]), time)
 
 
 def corners(time: Array, displacement: Array, tolerance: float) -> NDArray[np.intp]:

@@ -188,11 +188,11 @@ def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:
         for kind in KINDS:
             here = residual[phases == kind]
             if here.size:
-                size, bias = float(np.sqrt(np.mean(here**2))), float(here.mean())
+                size, bias = rmse([here]), float(here.mean())
                 rate = float(trial.rate) if np.isfinite(trial.rate) else None
                 noise = None
                 if trial.test.force_sd is not None:
-                    noise = float(np.sqrt(np.mean(samples.floor(k)[phases == kind] ** 2)))
+                    noise = rmse([samples.floor(k)[phases == kind]])
                 cells.append(CellError(trial.name, kind, rate, here.size, size, bias, noise))
     return cells
 

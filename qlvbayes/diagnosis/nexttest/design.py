@@ -138,9 +138,7 @@ def _design(row: Array, rig: Rig, recovery: Callable[[float], float], longest: f
     speed = _between(min(slowest, rig.speed), rig.speed, speed)
     design = Design(
         depth=depth,
-        speed=min(
-            speed, float(np.sqrt(acceleration * depth))
-        ),  # what a press of this depth reaches
+        speed=min(speed, float(np.sqrt(acceleration * depth))),  # a press does not reach more
         acceleration=acceleration,
         hold=max(_between(least, longest, hold) / count, least),
         share=back,
