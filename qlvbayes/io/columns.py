@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -329,7 +329,7 @@ def chosen(
 
 
 def on_clock(
-    picked: dict[str, NamedColumn], clocks: Sequence[int], file: Path
+    picked: dict[str, NamedColumn], clocks: Container[int], file: Path
 ) -> dict[str, NamedColumn]:
     """Return the columns with the unit s for a time written as hh:mm:ss, whose values are in s."""
     written = next(iter(picked)) == "time" and 0 in clocks

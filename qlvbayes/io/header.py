@@ -54,20 +54,29 @@ def find_header(lines: Lines, blanks: bool = False, *, tidy: bool = False) -> He
     below or in that above. ``blanks`` is whether blanks separate the cells.
     """
     rows = [cells for _, cells in lines.cells()]
+    named: Header | None = None  # as a sentence about the columns may, where names follow
     for number, names in enumerate(rows):
         if sum(bool(cell) and not is_like_number(cell) for cell in names) < NAMES:
+            if named and len(names) >= NAMES and are_numbers(names, range(NAMES)):
+                break
             continue
         if not tidy and any(name in LABELS if blanks else is_tidy_name(name) for name in names):
             continue
         in_row = in_cells(names)
-        if _have_units(in_row):
-            return _shifted(Header(number, number + 1, in_row), lines)
         nearest = range(number + 1, min(number + 2 + _BLANK, len(rows)))
-        if (below := next((k for k in nearest if any(rows[k])), None)) is None:
-            continue
+        below = next((k for k in nearest if any(rows[k])), None)
         by_quantity = measured(in_row).values()
-        used = [named.index for named in by_quantity if named] or [0]
-        if are_numbers(rows[below], used):
+        used = [column.index for column in by_quantity if column] or [0]
+        numbers = below is not None and are_numbers(rows[below], used)
+        if _have_units(in_row):
+            found = _shifted(Header(number, number + 1, in_row), lines)
+            if numbers or found.columns[0].index:
+                return found
+            named = named or found
+            continue
+        if below is None:
+            continue
+        if numbers:
             above = in_two_rows(names, rows[number - 1]) if number else []
             if above and are_units(rows[number - 1]) and _have_units(above):
                 return Header(number, number + 1, above)
@@ -76,7 +85,7 @@ def find_header(lines: Lines, blanks: bool = False, *, tidy: bool = False) -> He
         units = cells_of(lines.texts[below], separator_of(lines.texts[number]))
         if _have_units(columns := in_two_rows(names, units)):
             return Header(number, below + 1, columns)
-    return None
+    return named
 
 
 def any_header(lines: Lines, blanks: bool) -> Header | None:

@@ -111,9 +111,9 @@ class Layout:
                 raise unsure_of_columns(columns, path)
             raise InputError(self.lacking[0], file=path, remedy=self.lacking[1])
         over = over if self.block else over[: header.line]
-        stated = stated_above(over, lines.texts[header.line])
         tests = tests_below(header, data, lines, path, name, above, self.part)
-        return [replace(test, stated=stated) for test in tests]
+        names = lines.texts[header.line]
+        return [replace(test, stated=stated_above(over, names, test.clock)) for test in tests]
 
 
 def _found(pattern: str, text: str) -> str:

@@ -66,6 +66,8 @@ class Recording:
     load: Channel  # force or stress
     name: str = ""  # the test's name; empty where the file states none
     stated: Stated = Stated()  # the specimen, and when time was zero
+    # the time of the first row as written, where it is one of the day: time then counts from there
+    clock: str = ""
     load_time: Channel | None = None  # the load's own clock, where it has one
     # the number of rows that are no measurements, by reason
     dropped: Mapping[str, int] = field(default_factory=dict)

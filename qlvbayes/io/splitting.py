@@ -128,6 +128,7 @@ class _Table:
                     one, values = sheared, read.columns[NAMES:]
             own = on_clock(one, read.clocks, self.file)
             test = recording(columns, own, values, read.dropped, f"{self.name} {title}".strip())
+            test = replace(test, clock=read.clocks.get(0, ""))
             found += (
                 [test] if self.label is None else _by_specimen(test, self.label, read.labels[0])
             )

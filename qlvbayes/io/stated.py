@@ -37,14 +37,20 @@ _DAYS = (
     rf"(\w+,? )?(?P<d>\d\d?)[ -]{_MONTH}[ -](?P<y>\d{{4}})",
     rf"(\w+,? )?{_MONTH} (?P<d>\d\d?),? (?P<y>\d{{4}})",
 )
+_MIDNIGHT = "00:00:00"
+_NEXT_KEY = re.compile(r",\s*(?=[^\W\d][^:,;]*:\s*(?!\d\d\b))")  # 'Sample: A, operator: B'
 _CLOCK = re.compile(
     r"(?P<h>\d\d?):(?P<min>\d\d)(:(?P<s>\d\d)([.,]\d+)?)?( ?(?P<half>[AP])M)?(Z|[+-]\d\d:?\d\d)?",
     re.IGNORECASE,
 )
 
 
-def stated_above(lines: Sequence[str], names: str = "") -> Stated:
-    """Return what lines above a table's ``names`` state by keys that can mean nothing else."""
+def stated_above(lines: Sequence[str], names: str = "", first: str = "") -> Stated:
+    """Return what lines above a table's ``names`` state by keys that can mean nothing else.
+
+    ``first`` is the first row's time where that is one of the day: the clock of the rows is then
+    the test's own, on the day that it has or that a line states.
+    """
     german = any(_GERMAN.search(plain_name(line)) for line in (*lines, names))
     specimen, named, date, clock = "", "", "", ""
     dated: list[str] = []
@@ -62,6 +68,10 @@ def stated_above(lines: Sequence[str], names: str = "") -> Stated:
         elif not clock and re.fullmatch(_TIME + _BEGAN, word) and _CLOCK.fullmatch(value):
             clock = value
             dated.append(f"{key}: {value}")
+    if first:
+        own = first if _day(first) else ""
+        dated = [f"the time of its first row, {first}", *(() if own else dated[:1])]
+        date, clock = own or date, _MIDNIGHT
     began, either = _began(date, clock)
     return Stated(specimen, began, either, named, "" if began is None else ", ".join(dated))
 
@@ -72,7 +82,7 @@ def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
         text = COMMENT.sub("", line).strip()
         mark = separator_of(text)
         cells = [cell for cell in cells_of(text, mark) if cell]
-        for part in [text] if mark == "," and len(cells) > 1 else cells:
+        for part in _NEXT_KEY.split(text) if mark == "," and len(cells) > 1 else cells:
             key, _, value = part.partition(":")
             if value.strip() and not re.search('[;,|"]', key):
                 yield key.strip(), value.strip(" ,;"), True

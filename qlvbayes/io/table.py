@@ -10,8 +10,8 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
@@ -136,15 +136,16 @@ class Labels:
 class Rows:
     """Columns of numbers, each (n,), and of labels; counts of dropped lines, by reason.
 
-    ``clocks`` are the positions, among the columns, of those written as hours, minutes and seconds;
-    they are in s. ``line`` gives the line of the file, from 1, that holds a row.
+    ``clocks`` has the positions, among the columns, of those written as hours, minutes and seconds,
+    each with its first cell; they are in s since that day began. ``line`` gives the line of the
+    file, from 1, that holds a row.
     """
 
     columns: tuple[Floats, ...]
     labels: tuple[Labels, ...]
     dropped: dict[str, int]
     line: Callable[[int], int]
-    clocks: tuple[int, ...] = ()
+    clocks: Mapping[int, str] = field(default_factory=dict)
 
 
 def read_rows(data: bytes, form: Form, file: Path, first: int = 1) -> Rows:
@@ -323,7 +324,7 @@ def _judged(rows: bytes, form: Form, file: Path, first: int, dropped: dict[str, 
         if why != _EMPTY or position in within:
             dropped[why] = dropped.get(why, 0) + 1
     columns = list(np.array(list(numbers.values())).T)
-    clocks = tuple(k for k, cell in enumerate(used[positions[0]]) if ":" in cell)
+    clocks = {k: cell for k, cell in enumerate(used[positions[0]]) if ":" in cell}
     for k in clocks:  # past midnight, where no date is written
         columns[k] = columns[k] + _DAY * np.cumsum(np.diff(columns[k], prepend=0.0) < -0.5 * _DAY)
     labels = tuple(

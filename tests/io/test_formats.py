@@ -158,6 +158,21 @@ def test_signs_are_found_and_without_an_approach_or_a_direction_there_is_doubt()
 
 
 @pytest.mark.parametrize(
+    "sentence",
+    ["Recorded are Time, s; Displacement, mm; Force, N",
+     "time (s), displacement (mm), force (N), zeroed before"],
+)  # fmt: skip
+def test_a_sentence_that_names_the_columns_is_no_row_of_names(sentence, tmp_path):
+    test = pressed(0.4, hold=1.0, rate=50.0)
+    rows = zip(test.time.tolist(), test.way.tolist(), test.load.tolist(), strict=True)
+    lines = [sentence, "Point,Time (s),Displacement (mm),Force (N)"]
+    lines += [f"{k},{t},{x},{F}" for k, (t, x, F) in enumerate(rows)]
+    (tmp_path / "a.csv").write_text("\n".join([*lines, ""]))
+    (read,) = recognised(tmp_path / "a.csv", FORMATS).read(tmp_path / "a.csv")
+    np.testing.assert_array_equal([read.time.values, read.load.values], [test.time, test.load])
+
+
+@pytest.mark.parametrize(
     ("text", "quantity", "tidy", "factor"),
     [
         ("(µN)", "force", "uN", 1.0), ("kN", "force", "N", 1e3), ("gf", "force", "N", 9.80665e-3),

@@ -113,10 +113,29 @@ def test_dates_that_can_mean_one_thing_are_read(line, began):
     assert stated_above([line]).began == (None if began is None else 1795512360.0 + began)
 
 
+@pytest.mark.parametrize("dated", [True, False])
+def test_times_of_the_day_in_the_rows_are_the_clock_of_their_test(tmp_path, dated):
+    """With the date of each row, or with that of a line above."""
+    files = []
+    for name, minutes in (("a", 12), ("b", 4)):
+        test = pressed(0.4, hold=1.0, rate=50.0, seed=minutes)
+        clock = [f"09:{minutes:02}:{seconds:06.3f}" for seconds in 5.0 + test.time]
+        stamps = [f"2026-11-24T{one}" if dated else one for one in clock]
+        rows = zip(stamps, test.way.tolist(), test.load.tolist(), strict=True)
+        above = [] if dated else ["Date: 2026-11-24 08:00:00"]
+        lines = [*above, "Time,Position (mm),Force (N)", *(f"{t},{x},{F}" for t, x, F in rows), ""]
+        files.append(tmp_path / f"{name}.csv")
+        files[-1].write_text("\n".join(lines))
+    (pad,) = Source.from_files(files).read.pads
+    begun = {test.name: (test.start_s, test.start_known) for test in pad.tests}
+    assert begun == {"a": (480.0, True), "b": (0.0, True)}
+
+
 @pytest.mark.parametrize(
     ("lines", "specimen"),
     [(["Specimen: Pad P"], "P"), (["Specimen\tPad P"], "P"), (["; Pad: Pad P"], "P"),
      (["Specimen: Pad P\t\tStarted: 9:26:05"], "P"),
+     (["Cell: 10 N, sample: Pad P, oil, operator: AB, date: 2026-11-24, 9:26:05"], "P, oil"),
      # a probe is a specimen in German alone
      (["Datum: 24.11.2026", "Probe: S 1"], "S 1"), (["Probe: S 1", "Zeit;Weg;Kraft"], "S 1"),
      (["Date: 2026-11-24", "Probe: sphere 3 mm"], ""),
