@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.comparison.contrast import Comparison, with_interval, written
-from qlvbayes.diagnosis.phrases import stage_name
+from qlvbayes.diagnosis.phrases import parts, stage_name
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.summary import FitSummary
@@ -141,7 +141,7 @@ def steps_table(result: DiagnosisResult, unit: str) -> Table:
     table.add_column("model")
     for name in (
         f"RMSE ({unit})",
-        f"RMSE on tests left out ({unit})",
+        f"RMSE on {parts(result)} left out ({unit})",
         "over noise",
         "log evidence",
     ):

@@ -37,10 +37,15 @@ def stage_name(stage: Stage, chosen: LawPair) -> str:
     return " + ".join((", ".join(stage.base.others(chosen)) or _BASELINE, *stage.effects))
 
 
+def parts(d: DiagnosisResult) -> str:
+    """Return what is left out in turn: tests, or the phases of a single one."""
+    return "phases" if len({cell.test for cell in d.stages[0].cells}) == 1 else "tests"
+
+
 def varying(d: DiagnosisResult) -> str:
     """Return between what a strength differs: tests, or the phases of a single one."""
-    single = len({cell.test for cell in d.stages[0].cells}) == 1
-    return "From phase to phase" if single else "From test to test"
+    one = parts(d).removesuffix("s")
+    return f"From {one} to {one}"
 
 
 def shown_effects(d: DiagnosisResult) -> tuple[str, ...]:
@@ -118,8 +123,8 @@ def _law(d: DiagnosisResult) -> str:
         return ""
     before, after = plain(law.heldout_before, 2), plain(law.heldout_after, 2)
     return (
-        f" It is described, and not explained, by {law.formula}: the error on tests left out falls "
-        f"from {before} to {after} {unit}."
+        f" It is described, and not explained, by {law.formula}: the error on {parts(d)} left out "
+        f"falls from {before} to {after} {unit}."
     )
 
 

@@ -95,7 +95,7 @@ FIGURES = (
     Figure(
         "error_staircase",
         "diagnose",
-        "Error of {of} after each step, fitted and on tests left out, against the noise floor.",
+        "Error of {of} after each step, fitted and on parts left out, against the noise floor.",
         "Each step down is an effect that was added; at the noise nothing is left to explain.",
         lambda diagnosis: (diagnosis.result,),
     ),

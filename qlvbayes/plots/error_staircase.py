@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from qlvbayes.diagnosis.phrases import parts
 from qlvbayes.diagnosis.result import DiagnosisResult, Stage, Strengths
 from qlvbayes.plots.naming import broken, heading, three
 from qlvbayes.plots.style import (
@@ -43,15 +44,16 @@ def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -
     tests fitted together, dashes each test predicted from the others.
     """
     units, tight, stages = diagnosis.units, narrow(width), diagnosis.stages
-    inks, rows = colours(), np.arange(len(stages))
-    fitted = np.array([stage.rmse for stage in stages])
+    rows, fitted = np.arange(len(stages)), np.array([stage.rmse for stage in stages])
     heldout = np.array([stage.heldout_rmse for stage in stages], float)
-    series: list[tuple[np.ndarray, str, Any, str, str]] = [
-        (fitted, inks[0], "-", "o", "all tests fitted"),
-        (heldout, inks[1], "--", "s", "each test predicted from the others"),
-    ]
-    shown = series if np.isfinite(heldout).all() else series[:1]  # a test alone has no others
+    part = parts(diagnosis).removesuffix("s")
     with style():
+        inks = colours()
+        series: list[tuple[np.ndarray, str, Any, str, str]] = [
+            (fitted, inks[0], "-", "o", f"all {part}s fitted"),
+            (heldout, inks[1], "--", "s", f"each {part} predicted from the others"),
+        ]
+        shown = series if np.isfinite(heldout).all() else series[:1]  # nothing to predict
         figure = canvas(width, _FRAME + _TIGHT * tight + _ROW * len(stages))
         axis = figure.subplots()
         _scale(axis, np.concatenate([*(values for values, *_ in shown), [diagnosis.noise]]))
@@ -68,7 +70,7 @@ def plot_error_staircase(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -
                 axis.annotate(
                     three(value), (value, row), xytext=(6 if right else -6, 0), color=ink,
                     textcoords="offset points", ha="left" if right else "right", va="center",
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
+                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8}, zorder=3,
                 )  # fmt: skip
         floor = f"noise floor, {three(diagnosis.noise)} {units.force}"
         axis.axvline(diagnosis.noise, color=BLACK, linestyle=":", zorder=1, label=floor)

@@ -39,9 +39,10 @@ _LOOKS: dict[str, dict[str, Any]] = {  # colours by their index in the palette, 
     "explains these tests as well": {"facecolor": 5, "edgecolor": BLACK, "linewidth": 1.2},
     "added, but structure is left": {"facecolor": "0.35", "edgecolor": "0.35"},
     "not named": {"facecolor": "0.72", "edgecolor": "0.72"},
+    "these tests cannot show it": {"facecolor": "white", "edgecolor": "0.72", "linewidth": 0.6},
 }
 _NONE = "none of them"
-_NAMED, _GROUP, _TRIED, _OTHER = _LOOKS
+_NAMED, _GROUP, _TRIED, _OTHER, _UNSEEN = _LOOKS
 
 
 def plot_evidence(diagnosis: DiagnosisResult, *, width: float = DOUBLE) -> Axes:
@@ -81,7 +82,13 @@ def _look(diagnosis: DiagnosisResult, ranked: Ranked) -> str:
         return _NAMED
     if ranked.effect in diagnosis.group:
         return _GROUP
-    return _TRIED if ranked.effect in diagnosis.tried else _OTHER
+    if ranked.effect in diagnosis.tried:
+        return _TRIED
+    return _UNSEEN if ranked.effect in _unseen(diagnosis) else _OTHER
+
+
+def _unseen(diagnosis: DiagnosisResult) -> list[str]:
+    return [one.effect for one in diagnosis.not_identifiable]
 
 
 def _scale(axis: Axes, values: list[float], tight: bool) -> None:
@@ -146,7 +153,7 @@ def _legend(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
 
 def _notes(figure: Figure, diagnosis: DiagnosisResult, tight: bool) -> None:
     ranked = {entry.effect for entry in diagnosis.ranking}
-    unseen = [u.effect for u in diagnosis.not_identifiable if u.effect not in ranked]
+    unseen = [effect for effect in _unseen(diagnosis) if effect not in ranked]
     used = diagnosis.settings
     named = f"; an effect is named from {used.thresholds.named:g} on" if used else ""
     lines = [

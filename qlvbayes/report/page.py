@@ -12,7 +12,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from qlvbayes.diagnosis.phrases import stage_name
+from qlvbayes.diagnosis.phrases import parts, stage_name
 from qlvbayes.fitting.relaxation import RelaxationReport
 from qlvbayes.io import wording
 from qlvbayes.io.files import write_whole
@@ -129,6 +129,7 @@ def _template(name: str = "report"):  # type: ignore[no-untyped-def]
     )
     environment.globals |= {
         "asset": _asset, "phase_names": NAMES, "repeated": repeated, "stage_name": stage_name,
+        "parts_of": parts,
         "compared_words": questions.compared_words, "diagnosis_words": questions.diagnosis_words,
         "answer_kinds": questions.KINDS, "ends": wording.ends,
     }  # fmt: skip

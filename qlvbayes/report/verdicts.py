@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from qlvbayes.diagnosis.phrases import BADGES, answer, box_line, model_name, shown_effects
+from qlvbayes.diagnosis.phrases import BADGES, answer, box_line, model_name, parts, shown_effects
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import capitalized, number, percent_unbroken, with_unit
@@ -40,7 +40,7 @@ def verdict_box(pad: PadResults) -> Box:
         if check is not None:
             line = f"Not diagnosed. {ErrorTable(check).in_words(pad.force_unit)}"
         return Box("open", "not diagnosed", line, (), (), "", tuple(_warnings(pad)))
-    left_out = "on tests left out" if _heldout(d) else "of the fit"
+    left_out = f"on {parts(d)} left out" if _heldout(d) else "of the fit"
     return Box(
         d.verdict,
         BADGES[d.verdict],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from qlvbayes.diagnosis.phrases import varying
+from qlvbayes.diagnosis.phrases import parts, varying
 from qlvbayes.diagnosis.result import Description, DiagnosisResult
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
 from qlvbayes.io.wording import as_typed, joined, plain, to_noise
@@ -28,8 +28,8 @@ def law_paragraphs(d: DiagnosisResult) -> list[str]:
         return []
     shares = joined([f"{one.family} {100.0 * one.share:.0f} %" for one in notable])
     return [
-        "No law of one or two terms was found that predicts tests left out better. Of the fit's "
-        f"error the best single terms could remove at most: {shares}."
+        f"No law of one or two terms was found that predicts {parts(d)} left out better. Of the "
+        f"fit's error the best single terms could remove at most: {shares}."
     ]
 
 
@@ -49,9 +49,9 @@ def _found(d: DiagnosisResult, law: Description) -> str:
         )
     return (
         f"{lead}{others} is described by {law.formula}, with {constants} ({count} "
-        f"constant{'s' if count > 1 else ''}). By least squares the error on tests left out falls "
-        f"from {before} to {after} {unit}.{differs} This law describes the tests and does not name "
-        "a cause."
+        f"constant{'s' if count > 1 else ''}). By least squares the error on {parts(d)} left out "
+        f"falls from {before} to {after} {unit}.{differs} This law describes the tests and does "
+        "not name a cause."
     )
 
 
@@ -60,7 +60,7 @@ def _closest(d: DiagnosisResult, law: Description) -> list[str]:
         return []
     some = [
         f"{one.effect} (cosine of the forces {one.cosine:.2f}, they differ most in "
-        f"{one.differs_most_in}; with it instead the error on tests left out is "
+        f"{one.differs_most_in}; with it instead the error on {parts(d)} left out is "
         f"{to_noise(one.heldout, d.noise)} {d.units.force})"
         for one in law.closest
     ]

@@ -8,7 +8,7 @@ from functools import partial
 from qlvbayes.diagnosis.candidate import STIFFNESS
 from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.decision import Verdict
-from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead, varying
+from qlvbayes.diagnosis.phrases import LIKELY, paragraph_lead, parts, varying
 from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias
 from qlvbayes.diagnosis.summary.law import fit_command, law_paragraphs, law_step
 from qlvbayes.diagnosis.summary.work import DiagnosisWork
@@ -176,8 +176,8 @@ def _strengths(d: DiagnosisResult) -> list[str]:
         removed = 1.0 - math.exp(-own.heldout_gain)
         if removed > 0.0 and own.heldout is not None:
             text.append(
-                f"Where it acts, {name} removes {percent(removed)} of the error on tests left out; "
-                f"{_error(d, own.heldout)} remain."
+                f"Where it acts, {name} removes {percent(removed)} of the error on {parts(d)} left "
+                f"out; {_error(d, own.heldout)} remain."
             )
         if (differing := d.strengths.get(name)) is not None:
             low, high = differing.range
@@ -293,7 +293,7 @@ def _change(d: DiagnosisResult, with_it: str = "With it") -> str:
         )
     verb = "falls" if last < first else "goes"
     return (
-        f"{with_it} the error on tests left out {verb} from {_error(d, first)} to "
+        f"{with_it} the error on {parts(d)} left out {verb} from {_error(d, first)} to "
         f"{_error(d, last)} (noise floor {_noise(d)})"
     )
 
