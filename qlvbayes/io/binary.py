@@ -25,6 +25,7 @@ from qlvbayes.io.header import columns_in
 from qlvbayes.io.layouts import TABLE, TESTXPERT, Layout
 from qlvbayes.io.recording import Channel, Recording, Sight, Stated
 from qlvbayes.io.splitting import LEAST
+from qlvbayes.io.stated import stated_above
 from qlvbayes.io.table import decimal_mark, plain_number, with_point
 from qlvbayes.io.text import Lines, is_like_number
 
@@ -160,14 +161,20 @@ def _of_curves(vectors: Named, path: Path) -> list[Recording]:
 
 
 def of_sheets(sheets: Named, path: Path, stated: Layout | None = None) -> list[Recording]:
-    """Return the tests of a workbook: each sheet is read as a table of text is."""
+    """Return the tests of a workbook: each sheet is read as a table of text is.
+
+    What a sheet of keys and values alone states is stated of the tests of all others.
+    """
     tests: list[Recording] = []
+    forms: list[str] = []
     texts = {title: _with_points(array.tobytes(), path) for (title,), array in sheets}
     for title, data in texts.items():
         lines = Lines.from_bytes(data)
         header = stated or TABLE.header(lines, False) or TESTXPERT.header(lines, False)
         first = getattr(header, "line", 0)
         if header is None or data.count(b"\n") - first < LEAST:
+            cells = [text.strip("\t").count("\t") for text in lines.texts]
+            forms += lines.texts if max(cells, default=0) == 1 else []
             continue
         rows = ({cell.strip() for cell in text.split("\t")} - {""} for text in lines.texts[:first])
         alone = [cell for row in rows if len(row) == 1 for cell in row]
@@ -182,7 +189,8 @@ def of_sheets(sheets: Named, path: Path, stated: Layout | None = None) -> list[R
             file=path,
             remedy="export the curves of every sample, or state --columns and --units",
         )
-    return tests
+    about = stated_above(forms)
+    return [replace(test, stated=test.stated.completed_by(about)) for test in tests]
 
 
 def _with_points(data: bytes, path: Path) -> bytes:

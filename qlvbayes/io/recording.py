@@ -46,6 +46,12 @@ class Stated:
     named: str = ""
     dated: str = ""
 
+    def completed_by(self, other: Stated) -> Stated:
+        """Return the statements with those of another on what these do not state."""
+        named = self if self.specimen else other
+        dated = self if self.began is not None else other
+        return Stated(named.specimen, dated.began, dated.either, named.named, dated.dated)
+
 
 @dataclass(frozen=True, eq=False)
 class Channel:

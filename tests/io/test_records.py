@@ -152,6 +152,16 @@ def test_what_is_no_pattern_of_names_is_refused_and_the_option_is_told(tmp_path,
     assert not convert([path], Answers.from_words(pads=("AA", "AA", "BB"))).remarks
 
 
+@pytest.mark.parametrize("rows", [[], [["Specimen", "Operator", "Width"], ["silicone A", "x", 3]]])
+def test_a_sheet_of_keys_and_values_names_the_specimen_of_the_others(tmp_path, rows):
+    """But no table of results."""
+    pytest.importorskip("python_calamine")
+    form = [["Report"], ["Specimen", "silicone A"], ["Operator", "x"], *rows]
+    path = workbook(tmp_path / "a.xlsx", ["v1", "v2"], form=form)
+    pads = {test.pad for test in convert([path]).tests}
+    assert pads == ({"pad"} if rows else {"silicone A"})
+
+
 @pytest.mark.parametrize(
     ("names", "pads"),
     [

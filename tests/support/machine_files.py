@@ -99,8 +99,8 @@ def bluehill(test, names="Time,Extension,Load", units="(s),(mm),(N)", zero=0.0):
     return f"{names}\n{units}\n" + "".join(f"{t:.5f},{d:.6f},{f:.6f}\n" for t, d, f in rows)
 
 
-def workbook(path, titles, above=()):
-    """A French workbook of testXpert: a sheet with a test for each title."""
+def workbook(path, titles, above=(), form=()):
+    """A French workbook of testXpert: a sheet with a test for each title, and one of keys."""
     import openpyxl
 
     book = openpyxl.Workbook()
@@ -111,6 +111,8 @@ def workbook(path, titles, above=()):
         table = np.stack([test.time, test.way, test.load], axis=1).tolist()
         for row in [[above or title], *head, *table]:
             sheet.append(row)
+    for row in form:
+        (book["form"] if "form" in book.sheetnames else book.create_sheet("form")).append(row)
     out = io.BytesIO()
     book.save(out)
     path.write_bytes(out.getvalue())
