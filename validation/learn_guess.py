@@ -31,7 +31,7 @@ from registration import FOLDER
 from results import Origin, Table
 
 from qlvbayes.effects.catalogue import EFFECTS, names
-from qlvbayes.guess.features import COMMON, LISTED, OWN, Features, features_of
+from qlvbayes.guess.features import COMMON, LISTED, OWN, GuessFeatures, features_of
 from qlvbayes.guess.guess import Member, Weights, guessed, standardised
 from qlvbayes.io.files import write_json
 from qlvbayes.laws.scales import TOLERANCE
@@ -62,7 +62,7 @@ class Learnt:
     """
 
     pad: GuessPad
-    features: Features
+    features: GuessFeatures
     effects: NDArray[np.bool_]
     asked: NDArray[np.bool_]
     nothing: bool | None

@@ -94,7 +94,7 @@ class RequestThread:
         self._parent.send(number, kind, _ENCODER.encode(content))
 
 
-class Worker:
+class CallServer:
     """Worker with two threads for requests; calls in ``first`` precede the others."""
 
     def __init__(
@@ -118,7 +118,7 @@ def main() -> None:
     module = import_module(f"qlvbayes.app.{sys.argv[1]}")
     os.nice(module.NICE)
     with one_blas_thread():
-        Worker(parent, module.CALLS, module.FIRST).run()
+        CallServer(parent, module.CALLS, module.FIRST).run()
 
 
 if __name__ == "__main__":

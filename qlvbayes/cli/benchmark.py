@@ -17,7 +17,7 @@ from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
-    from qlvbayes.evaluation.session import Session
+    from qlvbayes.evaluation.session import RigSession
     from qlvbayes.evaluation.study import Benchmark
     from qlvbayes.evaluation.table import EffectRow
 
@@ -119,20 +119,20 @@ def benchmark(
     out.print(effects_table(found, share))
 
 
-def _session(file: Path | None, name: str, noise: str, *, bonded: bool) -> Session:
-    from qlvbayes.evaluation.session import Session
+def _session(file: Path | None, name: str, noise: str, *, bonded: bool) -> RigSession:
+    from qlvbayes.evaluation.session import RigSession
     from qlvbayes.io.data import read_measurements
     from qlvbayes.simulate import NOISES, SPECIMENS
 
     if file is None:
         check_known("pad", specimen := name or "B", SPECIMENS)
         check_known("noise", noise, NOISES)
-        return Session.of_the_paper(SPECIMENS[specimen], NOISES[noise], bonded=bonded)
+        return RigSession.of_the_paper(SPECIMENS[specimen], NOISES[noise], bonded=bonded)
     study = read_measurements(file)
     known = [one.name for one in study.pads]
     if not name and len(known) > 1:
         raise InputError(f"several pads: {', '.join(known)}", file=file, remedy="name one by --pad")
-    return Session.of_pad(study.pad(name or known[0]), bonded=bonded)
+    return RigSession.of_pad(study.pad(name or known[0]), bonded=bonded)
 
 
 def _content(simulated: Benchmark, found: list[dict], cases: list[dict]) -> dict:

@@ -20,7 +20,7 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed, plain
 
 if TYPE_CHECKING:
-    from qlvbayes.cli.settings import Settings
+    from qlvbayes.cli.settings import StudySettings
     from qlvbayes.io.conversion import Conversion
     from qlvbayes.io.data import Measurements
     from qlvbayes.io.units import UnitSystem
@@ -224,7 +224,7 @@ def _files(study: Measurements, paths: Sequence[Path], source: Source) -> tuple[
     return tuple(dict.fromkeys(str(test.file) for test in source.conversion.tests))
 
 
-def _of_specimen(chosen: Settings) -> list[str]:
+def _of_specimen(chosen: StudySettings) -> list[str]:
     """Return the options that say how the specimen is held and which readings count."""
     held = {None: [], True: ["--bonded"], False: ["--loose"]}[chosen["bonded"]]
     return [*held, *["--keep-all-readings"] * bool(chosen["keep-all-readings"])]

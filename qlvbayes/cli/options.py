@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from qlvbayes.cli.settings import Settings
+from qlvbayes.cli.settings import StudySettings
 from qlvbayes.io.checks import InputError, meant
 from qlvbayes.io.runtime import cores
 from qlvbayes.io.wording import listed
@@ -122,9 +122,9 @@ class InputOptions:
     set: Set = None
 
     @cached_property
-    def chosen(self) -> Settings:
+    def chosen(self) -> StudySettings:
         """The settings of the file and of options."""
-        return Settings.from_options(self.settings, self.set or ())
+        return StudySettings.from_options(self.settings, self.set or ())
 
     @property
     def paths(self) -> list[Path]:

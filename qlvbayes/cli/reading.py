@@ -9,12 +9,14 @@ from pathlib import Path
 import typer
 
 from qlvbayes.cli.console import err, waiting
-from qlvbayes.cli.settings import KEYS, Settings
+from qlvbayes.cli.settings import KEYS, StudySettings
 from qlvbayes.io.conversion import Conversion, convert
 from qlvbayes.io.recording import UnsureError
 
 
-def converted(files: Sequence[Path], settings: Settings, pads: tuple[str, ...] = ()) -> Conversion:
+def converted(
+    files: Sequence[Path], settings: StudySettings, pads: tuple[str, ...] = ()
+) -> Conversion:
     """Convert files; on a terminal ask for what they leave open, as often as needed."""
     asks = sys.stdin.isatty() and err.is_terminal
     while True:
@@ -35,4 +37,4 @@ def converted(files: Sequence[Path], settings: Settings, pads: tuple[str, ...] =
             err.print(str(error))
             kind = KEYS[error.option].kind
             answer = typer.prompt(error.question, type=kind, err=True)
-            settings = Settings(settings.values | {error.option: answer})
+            settings = StudySettings(settings.values | {error.option: answer})

@@ -159,13 +159,13 @@ def help_lines(command: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Settings:
+class StudySettings:
     """The values of keys, from a file and from options."""
 
     values: dict[str, Any]
 
     @classmethod
-    def from_options(cls, file: Path | None, options: Iterable[str]) -> Settings:
+    def from_options(cls, file: Path | None, options: Iterable[str]) -> StudySettings:
         """Return the settings of a file, with those of options in their place."""
         values = {} if file is None else _read(file)
         named: dict[str, Any] = {}

@@ -60,7 +60,7 @@ class ForceErrors:
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class RigSession:
     """One pad's constants, its tests and the errors of its readings, in mm, N and s.
 
     names, motions, times: of every test, with the times of its readings; encoder: its step, 0 for
@@ -87,7 +87,7 @@ class Session:
         return digest.hexdigest()[:12]
 
     @classmethod
-    def of_pad(cls, pad: Pad, *, bonded: bool = False) -> Session:
+    def of_pad(cls, pad: Pad, *, bonded: bool = False) -> RigSession:
         """Return the tests of a measured pad, with its noise and the paper's law fitted."""
         if pad.units.dimensionless:
             raise InputError(
@@ -125,7 +125,9 @@ class Session:
         )
 
     @classmethod
-    def of_the_paper(cls, constants: Constants, noise: Noise, *, bonded: bool = False) -> Session:
+    def of_the_paper(
+        cls, constants: Constants, noise: Noise, *, bonded: bool = False
+    ) -> RigSession:
         """Return the paper's tests of a pad."""
         programs = [paper_protocol(rate) for rate in PAPER_RATES]
         motions = [Platen(program, number=number) for number, program in enumerate(programs)]
@@ -133,12 +135,12 @@ class Session:
         empty = cls(constants, ForceErrors(noise), (), (), (), bonded=bonded)
         return empty._with(names, motions)
 
-    def with_programmes(self, texts: Sequence[str]) -> Session:
+    def with_programmes(self, texts: Sequence[str]) -> RigSession:
         """Return the same pad and errors with other tests, each a programme in words."""
         motions = [_of_programme(text, number) for number, text in enumerate(texts)]
         return self._with([f"programme {k + 1}" for k in range(len(texts))], motions)
 
-    def _with(self, names: Sequence[str], motions: Sequence[Platen | Track]) -> Session:
+    def _with(self, names: Sequence[str], motions: Sequence[Platen | Track]) -> RigSession:
         """Return the session with tests one after another, read as a thinning logger does."""
         clock, begun, times = 0.0, [], []
         for motion in motions:

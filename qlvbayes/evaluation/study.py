@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.evaluation.session import Session
+from qlvbayes.evaluation.session import RigSession
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
@@ -38,7 +38,7 @@ class Benchmark:
     the seed, the effect and its own number alone.
     """
 
-    session: Session
+    session: RigSession
     size: float
     seed: int
 

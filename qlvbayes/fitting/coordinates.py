@@ -127,7 +127,7 @@ def best_reading(record: Record) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class KernelProposal:
     """A mixture of equally weighted t kernels at ``centres`` (K, D) with ``roots`` (K, D, D).
 
     It proposes points independently of the walkers, and is shaped like the posterior: one wide
@@ -170,12 +170,12 @@ class Proposal:
         return new, self.log_density(coords) - self.log_density(new)
 
 
-def from_normal(normal: NormalApproximation) -> Proposal:
+def from_normal(normal: NormalApproximation) -> KernelProposal:
     """Return one kernel: the normal approximation with the tails of a Student-t."""
-    return Proposal(normal.mean[None], np.linalg.cholesky(normal.covariance)[None])
+    return KernelProposal(normal.mean[None], np.linalg.cholesky(normal.covariance)[None])
 
 
-def from_draws(draws: np.ndarray) -> Proposal:
+def from_draws(draws: np.ndarray) -> KernelProposal:
     """Return kernels on at most 256 of the draws (N, D), evenly selected."""
     size = draws.shape[1]
     covariance = np.cov(draws, rowvar=False).reshape(size, size)
@@ -187,4 +187,4 @@ def from_draws(draws: np.ndarray) -> Proposal:
     local = np.array(
         [np.cov(draws[members], rowvar=False).reshape(size, size) for members in neighbours]
     )
-    return Proposal(draws[centres], np.linalg.cholesky(local + floor))
+    return KernelProposal(draws[centres], np.linalg.cholesky(local + floor))

@@ -21,7 +21,7 @@ import emcee
 import numpy as np
 from arviz_stats.base import array_stats
 
-from qlvbayes.fitting.coordinates import Coordinates, Proposal, from_draws, from_normal
+from qlvbayes.fitting.coordinates import Coordinates, KernelProposal, from_draws, from_normal
 from qlvbayes.fitting.least_squares import NormalApproximation
 from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.io.files import write_whole
@@ -304,7 +304,7 @@ class _ChainProgress:
         )
 
     @property
-    def _proposals(self) -> tuple[Proposal, ...]:
+    def _proposals(self) -> tuple[KernelProposal, ...]:
         """One kernel about the optimum; after an adaptation, one and many from the chain."""
         if not self.adapted:
             return (from_normal(self.start),)

@@ -22,7 +22,7 @@ from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import factors, has_noise
-from qlvbayes.motion.clean import LeftOut as Unused
+from qlvbayes.motion.clean import UnusedReadings as Unused
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.phases import KINDS, phase_index
 from qlvbayes.motion.specimen import pull_notices
@@ -251,7 +251,7 @@ class PhaseSpan(Part, frozen=True, rename=KEYS):
     stop: float
 
 
-class LeftOut(Part, frozen=True, rename=KEYS):
+class LeftOutReading(Part, frozen=True, rename=KEYS):
     """A reading that was left out: time (s), displacement, force, channel and why."""
 
     time: float
@@ -282,7 +282,7 @@ class TestCurves(Part, frozen=True, rename=KEYS):
     mean: tuple[float, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[LeftOutReading, ...] = ()
 
 
 class Curves(Result, frozen=True, kw_only=True, rename=KEYS):
@@ -318,7 +318,7 @@ def _curves_of(one: Prediction) -> TestCurves:
     displacement = np.interp(one.time, trial.test.time, trial.test.displacement)
     lines = (displacement, one.observed, one.mean, one.low, one.high)
     moved, observed, mean, low, high = (tuple(map(_short, line)) for line in lines)
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[LeftOutReading, ...] = ()
     if unused is not None:
         left_out = tuple(_left_out(unused, k) for k in unused.drawn.tolist())
     return TestCurves(
@@ -329,10 +329,10 @@ def _curves_of(one: Prediction) -> TestCurves:
     )  # fmt: skip
 
 
-def _left_out(unused: Unused, k: int) -> LeftOut:
+def _left_out(unused: Unused, k: int) -> LeftOutReading:
     kind, channel = unused.reason[k].split(" ")[:2]
     values = _exact(unused.time[k]), _short(unused.displacement[k]), _short(unused.force[k])
-    return LeftOut(*values, "force" if kind == "excluded" else channel, kind)
+    return LeftOutReading(*values, "force" if kind == "excluded" else channel, kind)
 
 
 def _short(value: float) -> float:

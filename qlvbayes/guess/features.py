@@ -47,7 +47,7 @@ _STEPS = 3  # effects that are taken one after another
 
 
 @dataclass(frozen=True, eq=False)
-class Features:
+class GuessFeatures:
     """own (E, F): of each effect that the tests can show, by name; common (G,): of the record."""
 
     effects: tuple[str, ...]
@@ -97,7 +97,7 @@ class Expansion:
         return Expansion(self.losses - self.factors[:, k], gradients, curvatures, self.signed)
 
 
-def features_of(r: Responses) -> Features:
+def features_of(r: Responses) -> GuessFeatures:
     """Return the features of a record, and of every listed effect that its tests can show."""
     family = np.array(r.families)
     names = tuple(dict.fromkeys(name for name in r.families if name in LISTED))
@@ -143,7 +143,7 @@ def features_of(r: Responses) -> Features:
                 float(np.mean(by_test > 0.0)),
             ]
         )
-    return Features(names, np.array(own), _common(r, alone, np.isin(family, names)))
+    return GuessFeatures(names, np.array(own), _common(r, alone, np.isin(family, names)))
 
 
 def _best(evidence: Array, some: NDArray[np.bool_]) -> int:

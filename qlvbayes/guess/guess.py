@@ -24,7 +24,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from qlvbayes.guess.features import COMMON, Features, features_of
+from qlvbayes.guess.features import COMMON, GuessFeatures, features_of
 from qlvbayes.guess.responses import responses_of
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.choices import Choices
@@ -123,7 +123,7 @@ def first_guess(experiment: Experiment, choices: Choices | None = None) -> Guess
     return guessed(experiment.pad, features_of(responses), weights())
 
 
-def guessed(pad: str, features: Features, learnt: Weights) -> Guess:
+def guessed(pad: str, features: GuessFeatures, learnt: Weights) -> Guess:
     """Return the guess that some weights give at the features of a pad."""
     if unlike := unlikeness(features.common, learnt):
         return Guess(pad, {}, None, None, unlike)

@@ -121,14 +121,14 @@ def is_driven_back(way: Floats) -> bool:
 
 
 @dataclass(frozen=True)
-class Form:
+class OnsetForm:
     """A beginning of the force at contact: with a power of depth, after a jump (N) of drag."""
 
     power: float
     jump: float = 0.0
 
 
-FORMS = tuple(Form(power) for power in (1.0, 1.5, 2.0, 2.5, 3.0))
+FORMS = tuple(OnsetForm(power) for power in (1.0, 1.5, 2.0, 2.5, 3.0))
 """The forms of a test without drag, equally probable beforehand."""
 
 
@@ -263,7 +263,7 @@ def _fitted(way: Floats, load: Floats, level: float) -> list[FirstContact] | Non
 
 
 def onsets_of(
-    way: Floats, load: Floats, level: float, forms: Sequence[Form]
+    way: Floats, load: Floats, level: float, forms: Sequence[OnsetForm]
 ) -> tuple[Onset, ...] | None:
     """Return the point of contact for each form, from the rise up to a share of the peak force."""
     return onsets(*_risen(way, load, level), forms)
@@ -278,7 +278,7 @@ def _risen(way: Floats, load: Floats, level: float) -> tuple[Floats, Floats]:
     return _averaged(way[: last + 1]), _averaged(load[: last + 1])
 
 
-def onsets(d: Floats, f: Floats, forms: Sequence[Form]) -> tuple[Onset, ...] | None:
+def onsets(d: Floats, f: Floats, forms: Sequence[OnsetForm]) -> tuple[Onset, ...] | None:
     """Return the point of contact for each form.
 
     There is none where few rows lie before the best, and it is unknown (None) where few lie beyond.
@@ -316,7 +316,7 @@ def mean_over_forms(found: Sequence[Onset]) -> tuple[float, float]:
     return point, float(np.sqrt(weights @ (sds[likely] ** 2 + (points[likely] - point) ** 2)))
 
 
-def _best_point(d: Floats, f: Floats, form: Form) -> tuple[float, float]:
+def _best_point(d: Floats, f: Floats, form: OnsetForm) -> tuple[float, float]:
     """Return the least squared error of a form, and its point of contact."""
     low, high = float(d.min()), float(d[-_FEW])
     for _ in range(_ROUNDS):
@@ -336,7 +336,7 @@ def _averaged(values: Floats) -> Floats:
     return values[:whole].reshape(-1, count).mean(axis=1)
 
 
-def _rises(d: Floats, f: Floats, point: float, form: Form) -> Floats:
+def _rises(d: Floats, f: Floats, point: float, form: OnsetForm) -> Floats:
     """Return the best F0 + a x^p + b x^(p+1) (n,) of a point of contact, with the form's jump."""
     points = np.array([point])
     rise, further = _columns(d, points, form.power)
@@ -345,7 +345,7 @@ def _rises(d: Floats, f: Floats, point: float, form: Form) -> Floats:
     return np.asarray((rises - rises.mean(axis=1, keepdims=True))[0] + f.mean())
 
 
-def _smooth(d: Floats, f: Floats, points: Floats, form: Form) -> Floats:
+def _smooth(d: Floats, f: Floats, points: Floats, form: OnsetForm) -> Floats:
     """Return the force without the form's jump, (n,) or for each point of contact (points, n)."""
     return f - form.jump * (d > points[:, None]) if form.jump else f
 
@@ -391,13 +391,13 @@ def _solved(
     return np.maximum(errors, 0.0), a, b
 
 
-def _errors(d: Floats, f: Floats, points: Floats, form: Form) -> Floats:
+def _errors(d: Floats, f: Floats, points: Floats, form: OnsetForm) -> Floats:
     rise, further = _columns(d, points, form.power)
     without = _smooth(d, f, points, form)
     return _solved(rise, further, without, form.power, _reach(d, points))[0]
 
 
-def _width(d: Floats, f: Floats, form: Form, point: float, allowed: float) -> float:
+def _width(d: Floats, f: Floats, form: OnsetForm, point: float, allowed: float) -> float:
     """Return half the width of the points whose squared error stays below ``allowed``."""
     low, high = float(d.min()), float(d[-_FEW])
     near, far = point - low, high - point

@@ -30,7 +30,7 @@ from qlvbayes.io.readings import (
     wrong_signs,
 )
 from qlvbayes.io.recording import UnsureError
-from qlvbayes.io.table import Form, Labels, Rows, parse_number, read_rows
+from qlvbayes.io.table import Labels, RowForm, Rows, parse_number, read_rows
 from qlvbayes.io.text import content, digest, head_of, is_text
 from qlvbayes.io.tidy import Dialect, sniff
 from qlvbayes.io.units import UnitSystem
@@ -173,7 +173,7 @@ def read_tidy(file: Path, dialect: Dialect) -> Rows:
     """Return the rows of a tidy file, its numbers in the units of the dialect."""
     numbers = [(column.index, column.name) for column in dialect.numeric.values()]
     labels = [column.index for column in dialect.labels.values()]
-    form = Form(dialect.separator, numbers, labels, len(dialect.names), dialect.decimal)
+    form = RowForm(dialect.separator, numbers, labels, len(dialect.names), dialect.decimal)
     rows = content(file).split(b"\n", dialect.line)[-1]
     read = read_rows(rows, form, file, dialect.line + 1)
     for column, values in zip(dialect.numeric.values(), read.columns, strict=True):

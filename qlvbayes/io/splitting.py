@@ -26,7 +26,7 @@ from qlvbayes.io.columns import (
 )
 from qlvbayes.io.header import NAMES, Header, are_units
 from qlvbayes.io.recording import Channel, Recording
-from qlvbayes.io.table import SHOWN, Form, Labels, read_rows
+from qlvbayes.io.table import SHOWN, Labels, RowForm, read_rows
 from qlvbayes.io.text import Lines, cells_of, is_like_number, separator_of
 from qlvbayes.io.units import unit_of
 
@@ -118,7 +118,7 @@ class _Table:
         for title, one in self.groups:
             sheared = None if self.header.picked else sheared_instead(columns, one)
             used = [*one.values(), *(sheared or {}).values()]
-            form = Form(self.separator, [(c.index, c.name) for c in used], labels, names=width)
+            form = RowForm(self.separator, [(c.index, c.name) for c in used], labels, names=width)
             read = read_rows(rows, form, self.file, first)
             values = read.columns[:NAMES]
             if sheared:  # a rheometer: it sheared the specimen where it squeezed it less
@@ -143,7 +143,7 @@ class _Table:
         time, way, load = picked.items()
         both = []
         for pair in ((time[1], way[1]), (clock, load[1])):
-            form = Form(self.separator, [(c.index, c.name) for c in pair], [], names=width)
+            form = RowForm(self.separator, [(c.index, c.name) for c in pair], [], names=width)
             both.append(read_rows(rows, form, self.file, first))
         (way_time, displacement), (load_time, force) = (one.columns for one in both)
         dropped = both[0].dropped | both[1].dropped

@@ -94,7 +94,7 @@ def decimal_mark(cells: Iterable[str], file: Path) -> str:
 
 
 @dataclass(frozen=True)
-class Form:
+class RowForm:
     """Form of the rows of a table, and the columns that are read of it.
 
     ``numbers`` are the indices and names of the columns of numbers, ``labels`` the indices of texts
@@ -148,7 +148,7 @@ class Rows:
     clocks: Mapping[int, str] = field(default_factory=dict)
 
 
-def read_rows(data: bytes, form: Form, file: Path, first: int = 1) -> Rows:
+def read_rows(data: bytes, form: RowForm, file: Path, first: int = 1) -> Rows:
     """Return the columns of the rows in a text, of which the first line is ``first`` of the file.
 
     An InputError names the first bad row of a tidy file, and the first lost one of a table that
@@ -192,7 +192,7 @@ def _is_row(text: bytes) -> bool:
     return bool(text.strip()) and not text.startswith(b"#")
 
 
-def _without_cut(data: bytes, form: Form, dropped: dict[str, int]) -> bytes:
+def _without_cut(data: bytes, form: RowForm, dropped: dict[str, int]) -> bytes:
     """Return rows without a last line that does not end, and lacks cells or digits."""
     above, _, last = data.rstrip(b" \t").rpartition(b"\n")
     if last and above and last.count(form.separator.encode()) <= max(form.indices):
@@ -207,7 +207,7 @@ def _without_cut(data: bytes, form: Form, dropped: dict[str, int]) -> bytes:
 
 
 def _fast(
-    rows: bytes, form: Form, file: Path
+    rows: bytes, form: RowForm, file: Path
 ) -> tuple[tuple[Floats, ...], tuple[Labels, ...]] | None:
     """Return the columns of rows that are all good; None where one may not be."""
     whole = rows.strip(b"\n")
@@ -246,7 +246,7 @@ def _fast(
     return (columns, labels) if all(np.isfinite(one).all() for one in columns) else None
 
 
-def _fault(text: str, cells: Sequence[str], form: Form) -> tuple[str, str] | None:
+def _fault(text: str, cells: Sequence[str], form: RowForm) -> tuple[str, str] | None:
     """Return why a line of a tidy file is no good row, and the remedy; None where it is one."""
     decimal, write = form.decimal or ".", "write a number or delete the row"
     if text.count('"') % 2:
@@ -276,7 +276,7 @@ def _fault(text: str, cells: Sequence[str], form: Form) -> tuple[str, str] | Non
     return None
 
 
-def _judged(rows: bytes, form: Form, file: Path, first: int, dropped: dict[str, int]) -> Rows:
+def _judged(rows: bytes, form: RowForm, file: Path, first: int, dropped: dict[str, int]) -> Rows:
     """Return rows line by line: a bad one of a tidy file is refused, and others are counted."""
     lines = rows.decode("utf-8", "replace").split("\n")
     found: dict[int, list[str]] = {}  # cells by the line's position
@@ -346,7 +346,7 @@ def _why_not(cells: Sequence[str], indices: Sequence[int], width: int) -> str | 
     return None
 
 
-def _end_of_table(lines: Sequence[str], form: Form, positions: Sequence[int]) -> int:
+def _end_of_table(lines: Sequence[str], form: RowForm, positions: Sequence[int]) -> int:
     """Return the line at which a summary below a table begins: a few rows after a text or a gap."""
     for position in range(max(len(lines) - 1 - _FOOTER, 0), len(lines) - 1):
         cells = cells_of(lines[position], form.separator)

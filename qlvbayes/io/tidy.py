@@ -29,7 +29,7 @@ from qlvbayes.io.units import (
     SAME,
     STRAIN,
     SUFFIXES,
-    Scale,
+    UnitRatio,
     UnitSystem,
     column_name,
     unit_system,
@@ -56,7 +56,7 @@ class Column:
     index: int
     name: str
     suffix: str = ""
-    scale: Scale = SAME
+    scale: UnitRatio = SAME
 
 
 @dataclass(frozen=True)

@@ -140,17 +140,17 @@ def _decades(unit: str, other: str) -> int:
 
 
 @dataclass(frozen=True)
-class Scale:
+class UnitRatio:
     """Exact ratio of two units: one of the column's units is up/down of another one."""
 
     up: int = 1
     down: int = 1
 
-    def over(self, other: Scale) -> Scale:
+    def over(self, other: UnitRatio) -> UnitRatio:
         """Return the ratio of two ratios, in lowest terms."""
         up, down = self.up * other.down, self.down * other.up
         common = math.gcd(up, down)
-        return Scale(up // common, down // common)
+        return UnitRatio(up // common, down // common)
 
     def convert(self, values: NDArray[np.float64]) -> None:
         """Convert the values in place."""
@@ -160,21 +160,21 @@ class Scale:
             values /= self.down
 
 
-SAME = Scale()
+SAME = UnitRatio()
 
 
-def _scales(first: str, *others: str) -> dict[str, Scale]:
+def _scales(first: str, *others: str) -> dict[str, UnitRatio]:
     """Return the ratio of each unit to the first one."""
     decades = {unit: _decades(unit, first) for unit in (first, *others)}
-    return {unit: Scale(10 ** max(n, 0), 10 ** max(-n, 0)) for unit, n in decades.items()}
+    return {unit: UnitRatio(10 ** max(n, 0), 10 ** max(-n, 0)) for unit, n in decades.items()}
 
 
-_TIME = {"s": SAME, "ms": Scale(down=1000), "min": Scale(up=60)}
+_TIME = {"s": SAME, "ms": UnitRatio(down=1000), "min": UnitRatio(up=60)}
 _LENGTH = _scales("mm", "um", "nm", "m")
 _FORCE = _scales("N", "mN", "uN", "nN")
 _STRESS = _scales("kPa", "MPa", "Pa")
 
-SUFFIXES: dict[str, dict[str, Scale]] = {
+SUFFIXES: dict[str, dict[str, UnitRatio]] = {
     "time": _TIME,
     "displacement": _LENGTH,
     "force": _FORCE,

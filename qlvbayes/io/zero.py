@@ -26,8 +26,8 @@ from qlvbayes.io.contact import (
     FORMS,
     UNLIKELY,
     FirstContact,
-    Form,
     Onset,
+    OnsetForm,
     force_at_start,
     level_at_rest,
     mean_over_forms,
@@ -153,7 +153,7 @@ def _joint_position(
     found = []
     for (one, contact), speed in zip(pairs, speeds, strict=True):
         jumps = [drag * peak * speed / speeds.max() for drag in drags]
-        forms = [Form(form.power, jump) for jump in jumps for form in FORMS]
+        forms = [OnsetForm(form.power, jump) for jump in jumps for form in FORMS]
         slid = contact.slid
         found.append(onsets_of(one.way[slid:], one.load[slid:], contact.level, forms))
     if sum(map(bool, found)) < 2:  # without drag each shows its own contact

@@ -25,9 +25,9 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined
 from qlvbayes.motion.outliers import (
     FEWEST,
+    ChangeScale,
     Rows,
     Run,
-    Scale,
     distance,
     equal_runs,
     mask_of,
@@ -55,7 +55,7 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class UnusedReadings:
     """The readings of one test of n readings that are left out, bad ones and excluded ones."""
 
     mask: NDArray[np.bool_]  # (n,) True for them
@@ -70,7 +70,7 @@ class LeftOut:
     around: Array
 
     @classmethod
-    def of(cls, test: Test, reason: NDArray[np.object_]) -> LeftOut | None:
+    def of(cls, test: Test, reason: NDArray[np.object_]) -> UnusedReadings | None:
         """Return the readings of a test for which there is a reason (n,); None without any."""
         mask = reason != ""
         if not mask.any():
@@ -106,7 +106,7 @@ class LeftOut:
 
 
 def left_out_notice(
-    pad: str, tests: Sequence[tuple[str, LeftOut | None]], units: UnitSystem
+    pad: str, tests: Sequence[tuple[str, UnusedReadings | None]], units: UnitSystem
 ) -> tuple[str, ...]:
     """Return one sentence on the bad readings of a pad; none if there are none."""
     known = [(name, bad) for name, bad in tests if bad is not None and bad.bad]
@@ -122,7 +122,7 @@ def left_out_notice(
     )
 
 
-def _groups(bad: LeftOut, units: UnitSystem) -> Iterator[str]:
+def _groups(bad: UnusedReadings, units: UnitSystem) -> Iterator[str]:
     """Yield number, times and first value of the readings of each channel and kind."""
     channels = {
         "displacement": (units.displacement_name, units.displacement, bad.displacement),
@@ -155,7 +155,7 @@ def _readings(count: int) -> str:
 
 def sound_tests(
     tests: Sequence[Test], *, keep_all: bool = False, limited: bool = True
-) -> list[tuple[Test, LeftOut | None]]:
+) -> list[tuple[Test, UnusedReadings | None]]:
     """Return each test without its bad readings, and the bad readings (None if there are none).
 
     Raises InputError where they are too many, and ``limited``, or where none is to be left out and
@@ -169,9 +169,9 @@ def sound_tests(
         return [(test, None) for test in tests]
     channels = [_Channels(test, slips) for test, slips in zip(tests, clocks, strict=True)]
     top = max((one.fastest for one in channels), default=0.0)
-    cleaned: list[tuple[Test, LeftOut | None]] = []
+    cleaned: list[tuple[Test, UnusedReadings | None]] = []
     for test, own in zip(tests, channels, strict=True):
-        bad = LeftOut.of(test, own.reasons(top))
+        bad = UnusedReadings.of(test, own.reasons(top))
         if bad is None:
             cleaned.append((test, None))
             continue
@@ -230,8 +230,8 @@ class _Channels:
             return
         self.read = force[self.used]
         self.force = np.interp(self.time, self.time[self.used], self.read)
-        self.of_way = Scale.of(self.time, self.way)
-        self.of_read = Scale.of(self.time[self.used], self.read)
+        self.of_way = ChangeScale.of(self.time, self.way)
+        self.of_read = ChangeScale.of(self.time[self.used], self.read)
         nearest = np.interp(every, self.used, np.arange(self.used.size)).round().astype(int)
         self.of_force = self.of_read.at(nearest)
         self.way_runs = outlying_runs(self.time, self.way, self.of_way)

@@ -15,7 +15,13 @@ from qlvbayes.io.data import Control, Pad, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.approach import without_slopes
-from qlvbayes.motion.clean import LeftOut, left_out_notice, smooth_readings, sound_tests, without
+from qlvbayes.motion.clean import (
+    UnusedReadings,
+    left_out_notice,
+    smooth_readings,
+    sound_tests,
+    without,
+)
 from qlvbayes.motion.control import controls_of, phases_of, with_both_errors
 from qlvbayes.motion.falling import fall_notice, falls_of, largest_force, largest_stiffness
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
@@ -50,7 +56,7 @@ class Trial:
     phases: tuple[Phase, ...]
     rate: float
     role: str
-    left_out: LeftOut | None = None
+    left_out: UnusedReadings | None = None
     recorded: Test | None = None
 
     @property
@@ -355,7 +361,7 @@ def _smoothed(
 
 
 def _trial(
-    whole: Test, step: float, scatter: float, left_out: LeftOut | None, units: UnitSystem
+    whole: Test, step: float, scatter: float, left_out: UnusedReadings | None, units: UnitSystem
 ) -> Trial:
     trajectory, whole = _moved(whole, step, scatter)
     test, recorded = whole, None

@@ -40,11 +40,11 @@ def outlying(time: Array, signal: Array) -> NDArray[np.bool_]:
     """Return a mask of the readings (n,) that lie far outside those before and after them."""
     if signal.size < FEWEST:
         return np.zeros(signal.size, dtype=bool)
-    return mask_of(outlying_runs(time, signal, Scale.of(time, signal)), signal.size)
+    return mask_of(outlying_runs(time, signal, ChangeScale.of(time, signal)), signal.size)
 
 
 @dataclass(frozen=True)
-class Scale:
+class ChangeScale:
     """Size of the changes from reading to reading in one channel."""
 
     deviation: Array  # (n,) median distance of a reading from the line through its neighbours
@@ -53,7 +53,7 @@ class Scale:
     span: float  # its range
 
     @classmethod
-    def of(cls, time: Array, signal: Array) -> Scale:
+    def of(cls, time: Array, signal: Array) -> ChangeScale:
         """Return the scale of one channel, which few bad readings do not change."""
         off, gaps = _off_line(time, signal), np.diff(time)
         # as far off as those with similar intervals to their neighbours are
@@ -74,7 +74,7 @@ class Scale:
             max(float(high - low), 1e-5 * float(np.max(np.abs(signal)))),
         )
 
-    def at(self, rows: Rows) -> Scale:
+    def at(self, rows: Rows) -> ChangeScale:
         """Return the scale of some of the readings."""
         return replace(self, deviation=self.deviation[rows], change=self.change[rows])
 
@@ -90,7 +90,7 @@ class Scale:
         return _NOTICED * float(self.deviation[at]) + self.step
 
 
-def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
+def outlying_runs(time: Array, signal: Array, scale: ChangeScale) -> list[Run]:
     """Return the outlying runs, each much farther off than its neighbours from each other."""
     mask, sound = np.zeros(signal.size, dtype=bool), np.arange(signal.size)
     for _ in range(_PASSES):
@@ -111,7 +111,7 @@ def outlying_runs(time: Array, signal: Array, scale: Scale) -> list[Run]:
     return alone
 
 
-def _one_pass(signal: Array, scale: Scale) -> list[Run]:
+def _one_pass(signal: Array, scale: ChangeScale) -> list[Run]:
     """Return the outlying runs, from the shortest on, that the nearest sound readings confirm."""
     mask = np.zeros(signal.size, dtype=bool)
     for run in _candidates(signal, scale):
@@ -127,7 +127,7 @@ def _one_pass(signal: Array, scale: Scale) -> list[Run]:
     return confirmed
 
 
-def _candidates(signal: Array, scale: Scale) -> Iterator[Run]:
+def _candidates(signal: Array, scale: ChangeScale) -> Iterator[Run]:
     """Yield the runs that lie outside the readings before and after them, also long ones of 0."""
     for length in range(1, min(_LONGEST, signal.size - 2) + 1):
         starts = np.flatnonzero(np.abs(np.diff(signal[:-length])) > _LEAST * scale.span)
@@ -145,7 +145,7 @@ def _candidates(signal: Array, scale: Scale) -> Iterator[Run]:
                 yield first, stop
 
 
-def runs_at_ends(signal: Array, scale: Scale) -> Iterator[Run]:
+def runs_at_ends(signal: Array, scale: ChangeScale) -> Iterator[Run]:
     """Yield outlying runs at the record's ends, which have neighbours on one side only."""
     for ahead in (signal, signal[::-1]):
         for stop in (1, 2, 3):

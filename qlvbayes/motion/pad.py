@@ -21,7 +21,7 @@ from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.readings import LEAST_SAMPLES
 from qlvbayes.io.units import SUFFIXES, UnitSystem
 from qlvbayes.io.wording import joined, plain
-from qlvbayes.motion.clean import LeftOut, without
+from qlvbayes.motion.clean import UnusedReadings, without
 from qlvbayes.motion.phases import KINDS, NAMES, Phase, phase_index
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -38,7 +38,7 @@ _NAMED = 3  # spans of time that are named
 
 
 @dataclass(frozen=True)
-class Part:
+class PartOfTest:
     """A part of a test by the command line: times (s) or displacements, or phases of one kind."""
 
     option: str
@@ -116,13 +116,13 @@ class Part:
         return replace(cut_off, time=cut_off.time - begin, start_s=start, changes=tuple(changes))
 
 
-def _part(text: str, option: str) -> Part:
+def _part(text: str, option: str) -> PartOfTest:
     """Read ``TEST:0..18mm`` or ``TEST:hold 2``; raise InputError if the text has another form."""
     remedy, stripped = _REMEDIES[option], text.strip()
     if option == _LEAVE_OUT and (match := _PHASE.fullmatch(stripped)):
         number = None if match["number"] is None else int(match["number"])
         test = match["test"].strip()
-        return Part(option, text, test, kind=_KINDS[match["kind"]], number=number)
+        return PartOfTest(option, text, test, kind=_KINDS[match["kind"]], number=number)
     match = _SPAN.fullmatch(stripped)
     units = (*SUFFIXES["time"], *SUFFIXES["displacement"], "")
     if match is None or match["unit"].strip() not in units:
@@ -130,10 +130,10 @@ def _part(text: str, option: str) -> Part:
     low, high = float(match["low"] or -np.inf), float(match["high"] or np.inf)
     if not low < high:
         raise InputError(f"{option} {text!r} goes from {low:g} to {high:g}", remedy=remedy)
-    return Part(option, text, match["test"].strip(), low, high, match["unit"].strip())
+    return PartOfTest(option, text, match["test"].strip(), low, high, match["unit"].strip())
 
 
-def parts_of(use: Iterable[str], leave_out: Iterable[str]) -> list[Part]:
+def parts_of(use: Iterable[str], leave_out: Iterable[str]) -> list[PartOfTest]:
     """Read ``TEST:30..45s`` and ``TEST:hold 2``; raise InputError for any other form."""
     used = [_part(text, _USE) for text in use]
     return used + [_part(text, _LEAVE_OUT) for text in leave_out]
@@ -206,16 +206,18 @@ def excluded_readings(
     return reason
 
 
-def left_out_of(test: Test, bad: LeftOut | None, excluded: NDArray[np.object_]) -> LeftOut | None:
+def left_out_of(
+    test: Test, bad: UnusedReadings | None, excluded: NDArray[np.object_]
+) -> UnusedReadings | None:
     """Return all readings of a test that are left out, bad ones and excluded ones; else None."""
     reason = excluded.copy()
     if bad is not None:
         reason[bad.mask] = bad.reason
-    return LeftOut.of(test, reason)
+    return UnusedReadings.of(test, reason)
 
 
 def excluded_notices(
-    pad: str, tests: Sequence[tuple[str, LeftOut | None]], units: UnitSystem
+    pad: str, tests: Sequence[tuple[str, UnusedReadings | None]], units: UnitSystem
 ) -> tuple[str, ...]:
     """Return a sentence on the readings of each test that the user leaves out, by what says so."""
     sentences = []
@@ -233,7 +235,7 @@ def excluded_notices(
     return tuple(sentences)
 
 
-def _times(out: LeftOut, own: NDArray[np.intp]) -> str:
+def _times(out: UnusedReadings, own: NDArray[np.intp]) -> str:
     """Return when some of the readings left out were, as '30 to 45 s and 60 to 61 s'."""
     kept_before = np.flatnonzero(out.mask)[own] - own  # readings that are not left out
     spans = np.split(own, np.flatnonzero(np.diff(kept_before)) + 1)

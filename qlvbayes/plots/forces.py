@@ -26,7 +26,7 @@ from qlvbayes.motion.phases import MOVING, phase_index
 from qlvbayes.plots.naming import heading, model_lines
 from qlvbayes.plots.panels import (
     LABEL,
-    Model,
+    DrawnModel,
     PhaseTime,
     Sheet,
     by_rate,
@@ -84,9 +84,9 @@ def plot_forces(
     return [panels[0] for panels in sheet.blocks]
 
 
-def model_of(prediction: Prediction) -> Model:
+def model_of(prediction: Prediction) -> DrawnModel:
     """Return a prediction as it is drawn, in the model's colour."""
-    return Model(prediction.mean, prediction.low, prediction.high, colours()[0])
+    return DrawnModel(prediction.mean, prediction.low, prediction.high, colours()[0])
 
 
 def finish(
@@ -140,11 +140,11 @@ def plot_forces_before_after(diagnosis: Diagnosis, *, width: float = DOUBLE) -> 
     return [axis for panels in sheet.blocks for axis in panels]
 
 
-def _models(curve: Curve) -> list[Model]:
+def _models(curve: Curve) -> list[DrawnModel]:
     """Return the baseline model where effects were added, and the last model."""
     final, plain = curve.final, curve.baseline
-    last = Model(final.mean, final.low, final.high, colours()[0])
-    first = Model(plain.mean, plain.low, plain.high, PLAIN, "--")
+    last = DrawnModel(final.mean, final.low, final.high, colours()[0])
+    first = DrawnModel(plain.mean, plain.low, plain.high, PLAIN, "--")
     return [last] if final is plain else [first, last]
 
 

@@ -152,7 +152,7 @@ class PhaseTime:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class DrawnModel:
     """Curve that one model makes of the samples (n,) of a test, and how it is drawn."""
 
     mean: np.ndarray
@@ -165,7 +165,7 @@ class Model:
 
 
 def draw_samples(
-    axis: Axes, x: np.ndarray, observed: np.ndarray, models: Sequence[Model],
+    axis: Axes, x: np.ndarray, observed: np.ndarray, models: Sequence[DrawnModel],
     floor: np.ndarray | None = None,
 ) -> None:  # fmt: skip
     """Draw readings with the models' lines and bands, or with a floor what the models leave.
@@ -190,7 +190,7 @@ def draw_samples(
         axis.plot(x, model.mean, model.line, gid="mean", **look)
 
 
-def draw_band(axis: Axes, x: np.ndarray, model: Model, rows: Any = slice(None)) -> None:
+def draw_band(axis: Axes, x: np.ndarray, model: DrawnModel, rows: Any = slice(None)) -> None:
     """Draw the band of a model at some rows of x (n,)."""
     look: dict[str, Any] = {"color": model.colour, "alpha": 0.3, "linewidth": 0}
     low, high = model.low[rows], model.high[rows]

@@ -10,7 +10,7 @@ pytest.importorskip("msgspec")
 
 from qlvbayes.app import steps
 from qlvbayes.app.steps import ProgressReporter, choices_of
-from qlvbayes.app.worker import Worker
+from qlvbayes.app.worker import CallServer
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -57,7 +57,7 @@ def test_a_move_is_answered_while_a_fit_goes_on():
         report({"text": "half"})
 
     calls = {"change": change, "curves": dict, "told": told, "pieces": lambda: iter([None, {}])}
-    worker = Worker(SimpleNamespace(send=server.send, listen=server.listen), calls, {"curves"})
+    worker = CallServer(SimpleNamespace(send=server.send, listen=server.listen), calls, {"curves"})
     threading.Thread(target=worker.run, daemon=True).start()
     while not hasattr(server, "ask"):
         time.sleep(0.01)

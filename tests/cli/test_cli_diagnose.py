@@ -10,7 +10,7 @@ import pytest
 from support.endtoend import call, read_json
 
 from qlvbayes import read_study
-from qlvbayes.cli.settings import Settings
+from qlvbayes.cli.settings import StudySettings
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import Base, DiagnosisResult
 from qlvbayes.effects import check_effect
@@ -134,7 +134,7 @@ def test_diagnose_prints_json_for_machines(study, tmp_path, monkeypatch):
 def test_a_study_leaves_what_repeats_it_and_an_edited_figure_repeats_no_step(study, case):
     """Its settings give the same steps, which are finished: none computes with a figure."""
     out = study[0].parent
-    given = Settings.from_options(out / "study.toml", ())
+    given = StudySettings.from_options(out / "study.toml", ())
     assert (given["files"], given["seed"], given["max-steps"]) == ((case[0].resolve(),), 0, 60)
     assert {one.name for one in (out / ".finished").iterdir()} == {
         "plain-fit", "plain-check", "diagnose", "final",

@@ -4,7 +4,7 @@ import pytest
 from support.endtoend import PADS, call, one_line
 
 from qlvbayes.cli.main import application
-from qlvbayes.cli.settings import FILE, KEYS, PARTS, Settings, expanded, relaxation_of
+from qlvbayes.cli.settings import FILE, KEYS, PARTS, StudySettings, expanded, relaxation_of
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.model.choices import Choices
@@ -17,7 +17,7 @@ GIVEN = (
 
 
 def settings(*options, file=None):
-    return Settings.from_options(file, options)
+    return StudySettings.from_options(file, options)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from support.hidden_pads import FEW, hidden_pad
 from qlvbayes.diagnosis.candidate import candidate_at
 from qlvbayes.diagnosis.checks.adequacy import adequacy
 from qlvbayes.diagnosis.checks.decisive import decisive, fewest, log_densities
-from qlvbayes.diagnosis.checks.heldout import LeftOut, error
+from qlvbayes.diagnosis.checks.heldout import HeldOut, error
 from qlvbayes.diagnosis.checks.samples import Samples, rmse
 from qlvbayes.diagnosis.checks.strengths import agreement, pooled, strengths
 from qlvbayes.diagnosis.searchsetup import build_search
@@ -37,7 +37,7 @@ def test_errors_of_samples_are_weighted_by_their_sds():
     expected = np.sqrt((good**2 + bad**2 / 100.0) / 1.01)
     assert rmse([np.array([good, bad])], [np.array([1.0, 10.0])]) == pytest.approx(expected)
     residuals, sds = [np.array([1.0, 9.0]), np.array([2.0])], [np.array([1.0, 1e6]), np.ones(1)]
-    parts = [LeftOut(*both, np.ones(1)) for both in zip(residuals, sds, strict=True)]
+    parts = [HeldOut(*both, np.ones(1)) for both in zip(residuals, sds, strict=True)]
     assert [error([part]) for part in parts] == pytest.approx([1.0, 2.0])
     assert error(parts) == pytest.approx(np.sqrt(2.5))
 

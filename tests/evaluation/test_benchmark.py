@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.endtoend import PADS, call
 
-from qlvbayes.evaluation.session import Session, _of_programme
+from qlvbayes.evaluation.session import RigSession, _of_programme
 from qlvbayes.evaluation.store import Store, code_digest, run_missing
 from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of
 from qlvbayes.evaluation.table import outcome, rows
@@ -77,7 +77,7 @@ def measured():
 
 @pytest.fixture(scope="module")
 def session(measured):
-    return Session.of_pad(measured)
+    return RigSession.of_pad(measured)
 
 
 def test_a_file_gives_its_pad_whose_readings_are_like_its_own(measured, session):
@@ -115,7 +115,7 @@ def test_a_programme_is_driven_as_a_platen_can():
 
 
 def test_an_effect_has_its_size_and_each_pad_its_own_numbers():
-    session = Session.of_the_paper(B, NOISES["correlated"])
+    session = RigSession.of_the_paper(B, NOISES["correlated"])
     session = session.with_programmes(["ramp 1.6 mm at 20 mm/s, hold 5 s", "ramp 1 mm in 10 s"])
     simulated = Benchmark(session, 0.06, 1)
     pad, hidden = simulated.measured("friction", 0)

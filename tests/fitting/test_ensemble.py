@@ -12,7 +12,7 @@ from scipy.stats import beta, multivariate_t, norm
 from support.endtoend import experiment
 from support.posteriors import build_posterior
 
-from qlvbayes.fitting.coordinates import TAIL, Proposal, from_draws, from_normal
+from qlvbayes.fitting.coordinates import TAIL, KernelProposal, from_draws, from_normal
 from qlvbayes.fitting.ensemble import (
     ChainStore,
     Settings,
@@ -199,7 +199,7 @@ def test_a_proposals_density_is_that_of_a_t_mixture():
     """Three kernels in two dimensions."""
     random = np.random.default_rng(RNG)
     roots = np.array([np.linalg.cholesky(a @ a.T) for a in random.normal(size=(3, 2, 2))])
-    mixture = Proposal(random.normal(size=(3, 2)), roots)
+    mixture = KernelProposal(random.normal(size=(3, 2)), roots)
     points = np.random.default_rng(1).normal(scale=3.0, size=(200, 2))
     parts = [
         multivariate_t(c, r @ r.T, df=TAIL).logpdf(points)

@@ -16,7 +16,7 @@ from qlvbayes.inference.modes import Mode, find_mode
 from qlvbayes.io.arrays import Array
 
 
-class Part(NamedTuple):
+class HeldOutPart(NamedTuple):
     """Part of the data that is left out of a fit, to be predicted by it."""
 
     density: Density  # posterior density on everything else
@@ -24,7 +24,7 @@ class Part(NamedTuple):
     rows: Mask  # which of the test's samples it holds
 
 
-class LeftOut(NamedTuple):
+class HeldOut(NamedTuple):
     """A part as it is predicted by a fit to everything else."""
 
     residual: Array  # (n,): measured minus predicted force (N)
@@ -32,23 +32,23 @@ class LeftOut(NamedTuple):
     constants: Array  # (P,): by the fit
 
 
-def leave_out(density: Density, samples: Samples) -> list[Part]:
+def leave_out(density: Density, samples: Samples) -> list[HeldOutPart]:
     """Return each test as a part to be left out, or each phase where there is only one test."""
-    return [Part(density.without(out), k, rows) for out, k, rows in samples.left_out()]
+    return [HeldOutPart(density.without(out), k, rows) for out, k, rows in samples.left_out()]
 
 
-def predicted(samples: Samples, parts: Sequence[Part], mode: Mode) -> list[LeftOut]:
+def predicted(samples: Samples, parts: Sequence[HeldOutPart], mode: Mode) -> list[HeldOut]:
     """Return what a hypothesis predicts of each part, fitted from its mode on all tests."""
     hypothesis, found = mode.point.own.hypothesis, []
     for density, k, rows in parts:
         own = find_mode(density, hypothesis, mode.point.theta, guess=mode.size) or mode
         own.point.separation.forget()  # of nine long tests, all left out would take a gigabyte
         residual = samples.residuals(density, own)[k][rows]
-        found.append(LeftOut(residual, samples.weights[k][rows], own.point.constants))
+        found.append(HeldOut(residual, samples.weights[k][rows], own.point.constants))
     return found
 
 
-def error(parts: Sequence[LeftOut]) -> float:
+def error(parts: Sequence[HeldOut]) -> float:
     """Return the root mean square error (N) over some parts, weighted by the stated sds.
 
     It is nan of no part, as where there is only one test with one phase.

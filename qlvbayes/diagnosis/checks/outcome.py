@@ -13,7 +13,7 @@ from scipy.special import logsumexp, softmax
 from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
 from qlvbayes.diagnosis.checks.decisive import decisive
-from qlvbayes.diagnosis.checks.heldout import LeftOut, Part, error, leave_out, predicted
+from qlvbayes.diagnosis.checks.heldout import HeldOut, HeldOutPart, error, leave_out, predicted
 from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.decision import probabilities, require
@@ -69,7 +69,7 @@ class SearchOutcome:
         self.weights = require(known, self.measured)
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
-        self._left_out: dict[Hypothesis, list[LeftOut]] = {}
+        self._left_out: dict[Hypothesis, list[HeldOut]] = {}
         self._residuals: dict[Hypothesis, list[Array]] = {}
         self.unpredicted: set[Hypothesis] = set()
         self._adequacies: dict[Hypothesis, Adequacy] = {}
@@ -79,7 +79,7 @@ class SearchOutcome:
         """Effects that follow the largest depth, where only one test loads, and only once."""
         return OF_UNLOADING if loaded_once(self.experiment) else ()
 
-    def left_out(self, candidate: Candidate) -> list[LeftOut]:
+    def left_out(self, candidate: Candidate) -> list[HeldOut]:
         """Return what a candidate predicts of each part by a fit to all others."""
         hypothesis = candidate.hypothesis
         if hypothesis not in self._left_out:
@@ -94,7 +94,7 @@ class SearchOutcome:
         return [(having[part.test][0] - rest[part.test][0])[part.rows] for part in self._parts]
 
     @cached_property
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[HeldOutPart]:
         """The parts that are left out in turn."""
         return leave_out(self.search.density, self.samples)
 

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.heldout import LeftOut, leave_out, predicted
+from qlvbayes.diagnosis.checks.heldout import HeldOut, leave_out, predicted
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.description.grammar import Term, grammar
@@ -64,7 +64,7 @@ class Fitted:
         return self.samples.residuals(self.density, self.mode)
 
     @cached_property
-    def left_out(self) -> list[LeftOut]:
+    def left_out(self) -> list[HeldOut]:
         """The prediction of each part by a fit to all others."""
         return predicted(self.samples, leave_out(self.density, self.samples), self.mode)
 

@@ -14,7 +14,7 @@ from qlvbayes.motion.evidence.record import (
     FEWEST,
     WANDERS,
     DirectEvidence,
-    Level,
+    MeanForce,
     Place,
     Rows,
     exponent,
@@ -74,7 +74,7 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
         return ()
     approaching = _every_inward(experiment)
     inward = [one for one in approaching if one.is_clear]
-    rubs = Level(*pooled(inward)) if inward else Level(0.0, 0.0)
+    rubs = MeanForce(*pooled(inward)) if inward else MeanForce(0.0, 0.0)
     lifts = [lift for trial in experiment.trials for lift in _lifts(experiment, trial, rubs)]
     back = {one.moving.trial.name for one in lifts}
     least = WANDERS * experiment.peak
@@ -116,7 +116,7 @@ def adhesion_seen(experiment: Experiment, *, bonded: bool) -> tuple[DirectEviden
     )  # fmt: skip
 
 
-def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
+def _lifts(experiment: Experiment, trial: Trial, rubs: MeanForce) -> list[Lift]:
     path, test = trial.trajectory, trial.test
     slow = np.abs(path.acceleration(test.time)) <= _SLOW * path.top_acceleration
     steady = slow & ~speed_changes(test, path, _NEAR)
@@ -133,9 +133,9 @@ def _lifts(experiment: Experiment, trial: Trial, rubs: Level) -> list[Lift]:
             flat = _flat(experiment, trial, move, rest)
             early = _of_rest(trial, rest, _AFTER, 2.0 * _AFTER)
             level, lasts = level_of(experiment, trial, early), early.size >= _LASTS
-        rest_level = before or Level(0.0, experiment.floor.ou)
-        rubbed = Level(rest_level.value - rubs.value, float(np.hypot(rest_level.sd, rubs.sd)))
-        every = (before, inward, end, flat, Level(0.0, experiment.floor.ou), rubbed)
+        rest_level = before or MeanForce(0.0, experiment.floor.ou)
+        rubbed = MeanForce(rest_level.value - rubs.value, float(np.hypot(rest_level.sd, rubs.sd)))
+        every = (before, inward, end, flat, MeanForce(0.0, experiment.floor.ou), rubbed)
         zero = min((one for one in every if one is not None), key=lambda one: one.value)
         lowest = _lowest(experiment, trial, move, steady)
         if (rest is not None and end is None) or lowest is None:
@@ -163,7 +163,7 @@ def _of_rest(trial: Trial, rest: Phase, begin: float, end: float) -> Rows:
     return every[first : first + FEWEST]
 
 
-def _lowest(experiment: Experiment, trial: Trial, move: Phase, steady: Mask) -> Level | None:
+def _lowest(experiment: Experiment, trial: Trial, move: Phase, steady: Mask) -> MeanForce | None:
     """Return the lowest mean force of a few readings in a row; None where there are too few."""
     rows = trial.rows(move.start, move.stop)
     rows = rows[steady[rows]]
@@ -182,7 +182,7 @@ def _first_fall(experiment: Experiment, trial: Trial, move: Phase, speed: float)
     if before is None or not np.any(fast):
         return None
     after = float(trial.test.force[rows[int(np.argmax(fast))]])
-    return Place.between(trial, move, before, Level(after, experiment.floor.total), speed)
+    return Place.between(trial, move, before, MeanForce(after, experiment.floor.total), speed)
 
 
 def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
@@ -252,7 +252,7 @@ def _every_inward(experiment: Experiment) -> list[Place]:
         if levels is None:
             continue
         values = [one.value for one in levels]
-        level = Level(float(np.mean(values)), max(one.sd for one in levels))
+        level = MeanForce(float(np.mean(values)), max(one.sd for one in levels))
         place = Place.between(trial, first, level, before, mean_speed(trial, first))
         if np.ptp(values) <= max(_SETTLED * abs(place.value), 2.0 * place.sd):
             places.append(place)
@@ -273,14 +273,14 @@ def _most_that_rubs(experiment: Experiment) -> float:
     return float(min(least))
 
 
-def _levels(experiment: Experiment, trial: Trial, parts: Sequence[Rows]) -> list[Level] | None:
+def _levels(experiment: Experiment, trial: Trial, parts: Sequence[Rows]) -> list[MeanForce] | None:
     """Return the force of each of some parts; None where one has too few readings."""
     every = [level_of(experiment, trial, rows) for rows in parts]
     known = [one for one in every if one is not None]
     return known if len(known) == len(every) else None
 
 
-def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Level | None:
+def _flat(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> MeanForce | None:
     """Return the force at the end of a movement and in the rest after it, if it is one force.
 
     A specimen that pulls changes its force with the depth, and one that has let go has none. At the

@@ -42,7 +42,7 @@ class DirectEvidence(Part, frozen=True):
 
 
 @dataclass(frozen=True)
-class Level:
+class MeanForce:
     """Mean of some readings of force, and its sd."""
 
     value: float
@@ -50,7 +50,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Place(Level):
+class Place(MeanForce):
     """A quantity in one phase of one test, and the speed (displacement over s) of its movement."""
 
     trial: Trial
@@ -59,7 +59,7 @@ class Place(Level):
 
     @classmethod
     def between(
-        cls, trial: Trial, phase: Phase, above: Level, below: Level, speed: float = 0.0
+        cls, trial: Trial, phase: Phase, above: MeanForce, below: MeanForce, speed: float = 0.0
     ) -> Place:
         """Return the difference of two levels of force."""
         sd = float(np.hypot(above.sd, below.sd))
@@ -87,7 +87,7 @@ def off_their_mean(places: Sequence[Place], size: tuple[float, float]) -> float:
     return max(abs(one.value - value) / float(np.hypot(one.sd, sd)) for one in places)
 
 
-def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
+def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> MeanForce | None:
     """Return the mean force of readings; None of fewer than three. Slow noise is not averaged."""
     if rows.size < FEWEST:
         return None
@@ -96,10 +96,10 @@ def level_of(experiment: Experiment, trial: Trial, rows: Rows) -> Level | None:
     if test.force_sd is not None:
         white *= float(np.mean(test.force_sd[rows])) / experiment.sd_scale
     sd = float(np.hypot(white / np.sqrt(rows.size), floor.ou))
-    return Level(float(np.mean(test.force[rows])), max(sd, 1e-9 * experiment.peak))
+    return MeanForce(float(np.mean(test.force[rows])), max(sd, 1e-9 * experiment.peak))
 
 
-def level_before(experiment: Experiment, trial: Trial) -> Level | None:
+def level_before(experiment: Experiment, trial: Trial) -> MeanForce | None:
     """Return the force before the platen first moves; None where no rest precedes that."""
     first = first_ramp(trial)
     if first is None:

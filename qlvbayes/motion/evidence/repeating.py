@@ -14,7 +14,7 @@ from qlvbayes.motion.evidence.record import (
     CLEAR,
     WANDERS,
     DirectEvidence,
-    Level,
+    MeanForce,
     Place,
     level_before,
     mean_speed,
@@ -187,8 +187,8 @@ def _fall(experiment: Experiment, earlier: Press, later: Press) -> Place | None:
     of = [_force_at(trial, move, depths) for trial, move in (earlier, later)]
     memory = min(_REMEMBERED * pressed / rest, 1.0)
     lower = float(np.mean(of[0] - of[1] - memory * np.abs(of[0])))
-    of_one = Level(0.0, experiment.floor.total)
-    return Place.between(two, second, Level(lower, of_one.sd), of_one, speeds[1])
+    of_one = MeanForce(0.0, experiment.floor.total)
+    return Place.between(two, second, MeanForce(lower, of_one.sd), of_one, speeds[1])
 
 
 def _ends(trial: Trial, move: Phase) -> np.ndarray:

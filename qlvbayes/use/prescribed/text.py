@@ -10,7 +10,7 @@ import numpy as np
 
 from qlvbayes.comparison.readings import PIECES, Course, hold, joined, ramp
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.units import STRAIN, SUFFIXES, Scale, UnitSystem
+from qlvbayes.io.units import STRAIN, SUFFIXES, UnitRatio, UnitSystem
 from qlvbayes.use.prescribed.program import MOST, Program
 
 Quantity = Literal["displacement", "force"]
@@ -161,7 +161,7 @@ def _factors(name: str, own: str) -> dict[str, float]:
         return {"strain": 1.0}
     scales = SUFFIXES[name]
 
-    def factor(scale: Scale) -> float:
+    def factor(scale: UnitRatio) -> float:
         ratio = scale.over(scales[own])
         return ratio.up / ratio.down
 
