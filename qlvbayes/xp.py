@@ -115,7 +115,8 @@ def spread(x: Array, rest: int) -> Array:
 def stack(values: Sequence[Array]) -> Array:
     """Return values stacked along a new first axis; their shapes are broadcast."""
     if on_numpy(*values):
-        return np.stack(np.broadcast_arrays(*values))
+        alike = len({np.shape(value) for value in values}) == 1
+        return np.array(values if alike else np.broadcast_arrays(*values))
     return jnp.stack([jnp.asarray(value) for value in values])
 
 

@@ -27,7 +27,8 @@ class AbstractFrame(AbstractEffect):
     """Deflection of the frame under the force: the pad is pressed less deep than the platen moves.
 
     The force is solved at all points at once by quasi-Newton steps with the instantaneous elastic
-    stiffness: four steps give 1e-5 of the peak for a frame ten times as stiff as the pad. The
+    stiffness at the platen's displacement: four steps give 1e-5 of the peak for a frame ten times
+    as stiff as the pad. The
     frame's own speed is neglected against the platen's.
     """
 
@@ -40,19 +41,20 @@ class AbstractFrame(AbstractEffect):
 
     def force(self, below: Law, motion: Motion) -> Array:
         """Return the solution of F = below(displacement - deflection)."""
-        force = xp.zeros_like(motion.time)
-        for _ in range(_STEPS):  # no scan: the law beneath is compiled by itself
-            depth, slope = self._pad_depth(below, motion.displacement, force)
+        slope = self._slope(below, motion.displacement)
+        force = below.force(motion) / (1.0 + slope)  # as if nothing yielded yet
+        for _ in range(_STEPS - 1):  # no scan: the law beneath is compiled by itself
+            depth = motion.displacement - self.deflection(force)[0]
             answer = below.force(replace(motion, displacement=depth))
             force = (answer + slope * force) / (1.0 + slope)
         return force
 
     def begin(self, below: Law, displacement: Array) -> State:
         """Return a state of the law beneath for each Newton step, as each has its own motion."""
-        zero = xp.zeros_like(displacement)
+        zero, slope = xp.zeros_like(displacement), self._slope(below, displacement)
         force, states = zero, []
         for _ in range(_STEPS):
-            depth, slope = self._pad_depth(below, displacement, force)
+            depth = displacement - self.deflection(force)[0]
             states.append(below.begin(depth))
             _, answer = below.step(states[-1], Line(zero, depth, zero))
             force = (answer + slope * force) / (1.0 + slope)
@@ -61,21 +63,18 @@ class AbstractFrame(AbstractEffect):
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         """Return the states and the solution of F = below(displacement - deflection)."""
         force, moved = xp.zeros_like(line.displacement), []
+        slope = self._slope(below, line.displacement)
         for one in state:
-            depth, slope = self._pad_depth(below, line.displacement, force)
+            depth = line.displacement - self.deflection(force)[0]
             one, answer = below.step(one, replace(line, displacement=depth))
             moved.append(one)
             force = (answer + slope * force) / (1.0 + slope)
         return tuple(moved), force
 
-    def _pad_depth(self, below: Law, displacement: Array, force: Array) -> tuple[Array, Array]:
-        """Return the depth (mm) of the pad when the frame deflects under a force, and a slope.
-
-        The slope is the frame's compliance times the pad's stiffness.
-        """
-        deflected, compliance = self.deflection(force)
-        depth = displacement - deflected
-        return depth, compliance * below.elastic.stiffness(depth)
+    def _slope(self, below: Law, displacement: Array) -> Array:
+        """Return the frame's compliance times the pad's stiffness, before the frame yields."""
+        _, compliance = self.deflection(xp.zeros_like(displacement))
+        return compliance * below.elastic.stiffness(displacement)
 
 
 class FrameCompliance(AbstractFrame):

@@ -123,8 +123,8 @@ def _alike(
     """Return which sets of constants differ in how modes are driven, and the one (K,) of each set.
 
     A Jacobian has a set for each constant. Those that change fractions of the spectrum or effects
-    above the material share the states of its modes. None if no two sets do: where the ``path``
-    of time and depth (N, T, K) differs by set, they are not compared.
+    above the material share the states of the first set's modes. None if no set does: where the
+    ``path`` of time and depth (N, T, K) differs by set, they are not compared.
     """
     if any(np.ndim(x) != 3 or x.shape[2] > 1 for x in path) or np.ndim(rates) != 2:
         return None
@@ -133,8 +133,11 @@ def _alike(
     if any(np.ndim(x) == 0 or x.shape[-1] != count for x in leaves):
         return None
     rows = np.concatenate([np.reshape(x, (-1, count)) for x in (*leaves, rates)])
-    _, first, which = np.unique(rows, axis=1, return_index=True, return_inverse=True)
-    return None if len(first) == count else (first, which.ravel())
+    other = np.any(rows != rows[:, :1], axis=0)
+    if np.count_nonzero(other) == count - 1:
+        return None
+    first = np.append(0, np.flatnonzero(other))
+    return first, np.cumsum(other) * other
 
 
 @jax.jit  # an effect may call it several times: it is traced once

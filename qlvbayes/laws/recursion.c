@@ -102,6 +102,24 @@ EXPORTED void add_modes(size_t points, size_t columns, size_t sums, size_t modes
     }
 }
 
+/* A curve of pieces of equal width, a parabola each: c0 + b (c1 + c2 b), b from where one begins.
+   The first piece lies before zero, and the last has no end.
+   depth (rows, sets), or (rows) where ``own`` is 0; c0, c1, c2 (pieces, sets); value (rows, sets). */
+EXPORTED void in_pieces(size_t rows, size_t sets, size_t pieces, int own, double width,
+                        const double *depth, const double *c0, const double *c1, const double *c2,
+                        double *value)
+{
+    double last = (double)pieces - 2.0;
+    for (size_t r = 0; r < rows; r++)
+        for (size_t k = 0; k < sets; k++) {
+            double d = own ? depth[r * sets + k] : depth[r], knot = floor(d / width);
+            knot = knot > last ? last : knot >= -1.0 ? knot : -1.0; /* of a NaN too */
+            double b = d - (knot > 0.0 ? knot : 0.0) * width;
+            size_t i = (size_t)(knot + 1.0) * sets + k;
+            value[r * sets + k] = c0[i] + b * (c1[i] + c2[i] * b);
+        }
+}
+
 static double drain_rate(double q, double tau, double n, double stroke, double none)
 {
     return pow(fmax(fabs(q) / stroke, none), n - 1.0) / tau;

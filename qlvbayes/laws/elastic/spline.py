@@ -8,6 +8,7 @@ import numpy as np
 
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.recursion import in_pieces
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import static
@@ -63,16 +64,15 @@ class Spline(AbstractElastic):
 
     def force(self, depth: Array) -> Array:
         """Return F_e, which is continuous and has a continuous slope."""
-        piece, beyond = self._located(depth)
         first, rise = self._first, self._rise
         added = self._width * (first + 0.5 * self._width * rise)[1:-1]
-        at_knots = xp.take(xp.concatenate([np.zeros(2), xp.cumsum(added)]), piece)
-        return at_knots + beyond * (xp.take(first, piece) + 0.5 * xp.take(rise, piece) * beyond)
+        at_knots = xp.concatenate([xp.zeros_like(first[:2]), xp.cumsum(added)])
+        return self._at(depth, at_knots, first, 0.5 * rise)
 
     def stiffness(self, depth: Array) -> Array:
         """Return K; it is constant beyond the last knot and below zero depth."""
-        piece, beyond = self._located(depth)
-        return xp.take(self._first, piece) + xp.take(self._rise, piece) * beyond
+        rise = self._rise
+        return self._at(depth, self._first, rise, xp.zeros_like(rise))
 
     @property
     def _width(self) -> float:
@@ -81,16 +81,26 @@ class Spline(AbstractElastic):
     @property
     def _first(self) -> Array:
         """Return the (8,) stiffness (N/mm) at which each piece begins."""
-        k = [self.k0, self.k0, self.k1, self.k2, self.k3, self.k4, self.k5, self.k6]
-        return xp.stack(k)
+        return self._ends[:-1]
 
     @property
     def _rise(self) -> Array:
         """Return the (8,) slope of the stiffness in each piece (N/mm2)."""
-        between = xp.diff(self._first[1:]) / self._width
-        return xp.concatenate([np.zeros(1), between, np.zeros(1)])
+        return xp.diff(self._ends) / self._width
 
-    def _located(self, depth: Array) -> tuple[Array, Array]:
-        """Return the piece in which a depth lies, and the depth (mm) from its beginning."""
+    @property
+    def _ends(self) -> Array:
+        """Return the (9,) stiffness (N/mm) at the ends of pieces, constant in the outer two."""
+        knots = [self.k0, self.k1, self.k2, self.k3, self.k4, self.k5, self.k6]
+        return xp.stack([self.k0, *knots, self.k6])
+
+    def _at(self, depth: Array, *parabolas: Array) -> Array:
+        """Return c0 + b (c1 + c2 b) at a depth, b (mm) from where its piece begins; c (8,) each."""
+        if xp.on_numpy(depth, *parabolas) and np.ndim(parabolas[0]) == 2:
+            known = in_pieces(depth, self._width, parabolas)
+            if known is not None:
+                return known
         knot = xp.clip(xp.floor(depth / self._width), -1, _PIECES)
-        return knot.astype(int) + 1, depth - xp.maximum(knot, 0.0) * self._width
+        piece, beyond = knot.astype(int) + 1, depth - xp.maximum(knot, 0.0) * self._width
+        constant, slope, bend = (xp.take(x, piece) for x in parabolas)
+        return constant + beyond * (slope + bend * beyond)
