@@ -149,7 +149,7 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
             print(json.dumps(tests))
         else:
             out.print(f"wrote {output}: {len(files)} tests of pad {pads[0]}")
-            _print_next([_study_of(str(output), _of_specimen(inputs.chosen))])
+            _print_next([_study_of(str(output), _of_specimen(inputs.chosen), output.parent)])
         return
     conversion = converted(files, inputs.chosen, pads)
     write_tidy(conversion, output)
@@ -160,7 +160,7 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     else:
         out.print(*in_short(conversion.notices), sep="\n", soft_wrap=True)
         out.print(f"wrote {output}, picture {picture}")
-        _print_next([_study_of(str(output), _of_specimen(inputs.chosen))])
+        _print_next([_study_of(str(output), _of_specimen(inputs.chosen), output.parent)])
     if conversion.faults:
         sys.stdout.flush()
         _stop_without(conversion, files, inputs.pad_words)
@@ -245,10 +245,10 @@ def _next(
     )
 
 
-def _study_of(file: str, arguments: Sequence[str]) -> str:
-    """Return the command that studies a tidy file, as it is typed."""
-    name = Path(file).name.partition(".")[0]
-    return as_typed("qlvbayes", "study", file, "-o", f"{name}_results", *arguments)
+def _study_of(file: str, arguments: Sequence[str], folder: Path = Path()) -> str:
+    """Return the command that studies a tidy file, with results in a folder, as it is typed."""
+    out = folder / f"{Path(file).name.partition('.')[0]}_results"
+    return as_typed("qlvbayes", "study", file, "-o", str(out), *arguments)
 
 
 def _print_next(commands: Sequence[str]) -> None:

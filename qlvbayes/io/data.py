@@ -239,8 +239,21 @@ def _pads(file: Path, dialect: Dialect, rows: Rows) -> tuple[tuple[Pad, ...], tu
             name = dialect.labels["fluid"].name
             what = f"{name} changes from '{fluids[pad] or ''}' to '{fluid or ''}'"
             built.fail(0, what, f"write one {name} for all rows of a pad")
-    pads = [Pad(name, tuple(of), dialect.units, fluids[name]) for name, of in tests.items()]
+    pads = [
+        Pad(name, tuple(_on_one_clock(of_pad)), dialect.units, fluids[name])
+        for name, of_pad in tests.items()
+    ]
     return tuple(pads), tuple(notices)
+
+
+def _on_one_clock(tests: list[Test]) -> list[Test]:
+    """Return tests with the pad's clock where their times run on from test to test."""
+    begins = [float(test.time[0]) for test in tests]
+    runs_on = all(old.time[-1] < begin for old, begin in zip(tests, begins[1:], strict=False))
+    if len(tests) < 2 or not runs_on or any(test.start_known for test in tests):
+        return tests
+    pairs = zip(tests, begins, strict=True)
+    return [replace(one, start_s=at - begins[0], start_known=True) for one, at in pairs]
 
 
 def _grouped(

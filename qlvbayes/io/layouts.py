@@ -113,7 +113,13 @@ class Layout:
         over = over if self.block else over[: header.line]
         tests = tests_below(header, data, lines, path, name, above, self.part)
         names = lines.texts[header.line]
-        return [replace(test, stated=stated_above(over, names, test.clock)) for test in tests]
+        found = []
+        for test in tests:
+            own, stated = test.stated, stated_above(over, names, test.clock)
+            if own.specimen:
+                stated = replace(stated, specimen=own.specimen, named=own.named)
+            found.append(replace(test, stated=stated.completed_by(own)))
+        return found
 
 
 def _found(pattern: str, text: str) -> str:

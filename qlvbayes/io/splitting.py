@@ -25,7 +25,8 @@ from qlvbayes.io.columns import (
     side_by_side,
 )
 from qlvbayes.io.header import NAMES, Header, are_units
-from qlvbayes.io.recording import Channel, Recording
+from qlvbayes.io.recording import Channel, Recording, Stated
+from qlvbayes.io.stated import named_specimen
 from qlvbayes.io.table import SHOWN, Labels, RowForm, read_rows
 from qlvbayes.io.text import Lines, cells_of, is_like_number, separator_of
 from qlvbayes.io.units import unit_of
@@ -34,10 +35,13 @@ LEAST = 10  # lines that a test has at least
 _SAME = 0.05  # of the travel, and of the force's range, within which a block goes on,
 _LOADED = 0.1  # and of the largest force, above which a test has not ended
 _MOST_TESTS = 200  # of one file: a column that changes more often is a counter
+_RUNS_ON = "the column of times, which runs on from test to test"
 _LETTERS = re.compile(rb"(?m)^[\"'(\[# ]*[^\d\s.,;+\-][^\n]*$")  # lines that begin with a letter
-_SPECIMEN = re.compile(
-    r"(specimen|sample|probe|prufling|eprouvette|echantillon|probeta|muestra|provino|campione|pad"
-    r"|test|trial|run|versuch|essai|prova|ensayo)( ?(id|name|label|number|no|nr|nummer|numero))?"
+_NUMBERED = r"(n|no|nr|num|numero|number|nummer)"
+_LABEL = re.compile(  # of which specimen a row is, or of which test of it
+    rf"({_NUMBERED} (de |di |du |of )?)?((?P<specimen>specimen|sample|probe|prufling|eprouvette"
+    r"|echantillon|probeta|muestra|provino|campione|pad)|test|trial|run|versuch|essai|prova|ensayo)"
+    rf"( ?(id|name|label|{_NUMBERED}))?"
 )
 
 
@@ -80,7 +84,7 @@ def tests_below(
 class _Table:
     """Table whose tests are side by side in ``groups`` of columns, each with its title.
 
-    ``label`` is the column that names specimens, where there is one group.
+    ``labels`` are the columns that name specimens and tests, where there is one group.
     """
 
     header: Header
@@ -88,29 +92,29 @@ class _Table:
     file: Path
     name: str
     groups: Sequence[tuple[str, dict[str, NamedColumn]]]
-    label: NamedColumn | None
+    labels: Sequence[NamedColumn] = ()
 
     @classmethod
     def below(cls, header: Header, lines: Lines, file: Path, name: str, above: int) -> _Table:
         """Return the table below a header."""
         columns, separator = header.columns, separator_of(lines.texts[header.line])
         if header.picked is not None:
-            return cls(header, separator, file, name, [("", header.picked)], None)
+            return cls(header, separator, file, name, [("", header.picked)])
         groups = side_by_side(columns, chosen(columns, file, above + header.line + 1))
         if len(groups) == 1:
-            label = next((c for c in columns if _SPECIMEN.fullmatch(plain_name(c.name))), None)
-            return cls(header, separator, file, name, [("", groups[0])], label)
+            labels = [c for c in columns if _LABEL.fullmatch(plain_name(c.name))]
+            return cls(header, separator, file, name, [("", groups[0])], labels)
         over = cells_of(lines.texts[header.line - 1], separator) if header.line else []
         titles = list(dict.fromkeys(title.strip() for title in over if title.strip()))
         if len(titles) != len(groups):
             titles = [str(k + 1) for k in range(len(groups))]
-        return cls(header, separator, file, name, list(zip(titles, groups, strict=True)), None)
+        return cls(header, separator, file, name, list(zip(titles, groups, strict=True)))
 
     def tests(self, rows: bytes, first: int) -> list[Recording]:
         """Return the tests in rows, of which the first is on that line of the file."""
         columns, clock = self.header.columns, self.header.clock
         width = max(column.index for column in columns) + 1
-        labels = [] if self.label is None else [self.label.index]
+        labels = [column.index for column in self.labels]
         if clock is not None:  # the header names the columns of one test
             ((_, picked),) = self.groups
             return [self._on_two_clocks(picked, clock, width, rows, first)]
@@ -129,9 +133,7 @@ class _Table:
             own = on_clock(one, read.clocks, self.file)
             test = recording(columns, own, values, read.dropped, f"{self.name} {title}".strip())
             test = replace(test, clock=read.clocks.get(0, ""))
-            found += (
-                [test] if self.label is None else _by_specimen(test, self.label, read.labels[0])
-            )
+            found += _by_label(test, self.labels, read.labels)
         return found
 
     def _on_two_clocks(
@@ -176,19 +178,37 @@ class _Table:
                 )
 
 
-def _by_specimen(test: Recording, label: NamedColumn, named: Labels) -> list[Recording]:
-    """Return a test for each stretch of rows with one name of a specimen, or the test itself."""
-    cuts = [0, *(np.flatnonzero(np.diff(named.codes)) + 1).tolist(), len(named.codes)]
-    if not 2 < len(cuts) <= _MOST_TESTS + 1 or min(np.diff(cuts)) < LEAST:
+def _by_label(
+    test: Recording, columns: Sequence[NamedColumn], labels: Sequence[Labels]
+) -> list[Recording]:
+    """Return a test for each stretch of rows with the same labels, or the test itself.
+
+    Of columns that name the specimen and the test the first states the pad.
+    """
+    changes = [np.diff(one.codes) != 0 for one in labels]
+    cuts = [0, *(np.flatnonzero(np.any(changes, axis=0)) + 1).tolist(), test.time.values.size]
+    if not labels or not 2 < len(cuts) <= _MOST_TESTS + 1 or min(np.diff(cuts)) < LEAST:
         return [test]
-    unused = tuple(name for name in test.unused if name != label.name)
+    words = [_LABEL.fullmatch(plain_name(column.name)) for column in columns]
+    specimens = [k for k, word in enumerate(words) if word and word["specimen"]]
+    of_pad = specimens[:1] if len(specimens) < len(columns) else []
+    unused = tuple(name for name in test.unused if name not in [c.name for c in columns])
     tests = []
     for begin, end in pairwise(cuts):
-        text = named.texts[named.codes[begin]]
-        own = f"{label.name} {text}" if text.isdigit() else text
+        row = [
+            (c.name, one.texts[one.codes[begin]]) for c, one in zip(columns, labels, strict=True)
+        ]
+        own = [text if not text.isdigit() else f"{name} {text}" for name, text in row]
+        kept = [text for k, text in enumerate(own) if k not in of_pad]
         part = test.changed(itemgetter(slice(begin, end)))
-        full, dropped = f"{test.name} {own}".strip(), {} if begin else test.dropped
-        tests.append(replace(part, name=full, dropped=dropped, unused=unused))
+        stated = named_specimen(*row[of_pad[0]]) if of_pad else Stated()
+        full, dropped = " ".join([test.name, *kept]).strip(), {} if begin else test.dropped
+        tests.append(replace(part, name=full, dropped=dropped, unused=unused, stated=stated))
+    pairs = [(old.time.values[-1], new.time.values[0]) for old, new in pairwise(tests)]
+    if len(specimens) < len(columns) and all(end < begin for end, begin in pairs):
+        return [
+            replace(one, stated=replace(one.stated, began=0.0, dated=_RUNS_ON)) for one in tests
+        ]
     return tests
 
 

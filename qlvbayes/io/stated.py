@@ -59,9 +59,8 @@ def stated_above(lines: Sequence[str], names: str = "", first: str = "") -> Stat
         if alone and not specimen and re.fullmatch(_SPECIMEN, word):
             column = split_header(value)[1]  # the value names the next column of another table
             if not column and (german or word != "probe"):
-                own = re.sub(r"^pad[ _]+", "", value, flags=re.IGNORECASE)  # it is told as "pad"
-                specimen = f"{key} {value}" if value.isdigit() else own
-                named = f"{key}: {value}"
+                found = named_specimen(key, value)
+                specimen, named = found.specimen, found.named
         elif not date and re.fullmatch(_DATE + _BEGAN, word) and _day(value):
             date = value
             dated.append(f"{key}: {value}")
@@ -74,6 +73,12 @@ def stated_above(lines: Sequence[str], names: str = "", first: str = "") -> Stat
         date, clock = own or date, _MIDNIGHT
     began, either = _began(date, clock)
     return Stated(specimen, began, either, named, "" if began is None else ", ".join(dated))
+
+
+def named_specimen(key: str, value: str) -> Stated:
+    """Return the specimen that a key and its value name."""
+    own = re.sub(r"^pad[ _]+", "", value, flags=re.IGNORECASE)  # it is told as "pad"
+    return Stated(f"{key} {value}" if value.isdigit() else own, named=f"{key}: {value}")
 
 
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str, bool]]:

@@ -219,6 +219,8 @@ def _fast(
     if len(sample[0]) < width or b"\n\n" in whole or (form.width is not None and not even):
         return None
     used = [[row[k] for k in form.indices if k < len(row)] for row in sample]
+    if any(":" in cell for cell in used[0]):  # a time of the day
+        return None
     decimal = form.decimal or decimal_mark((cell for row in used for cell in row), file)
     # pandas takes a column of nothing but True and False for ones and zeros
     if any(_NUMBER.fullmatch(with_point(cell, decimal)) is None for cell in used[0]):

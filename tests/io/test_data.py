@@ -47,6 +47,20 @@ def only_test(study):
     return test
 
 
+def test_a_time_that_runs_on_from_test_to_test_is_the_pads_clock(tmp_path):
+    def of_tests(*begins):
+        lines = [
+            f"{name},{begin + t:.6f},{d:.6f},{f:.6f}\n"
+            for name, begin in zip("abc", begins, strict=True)
+            for t, d, f in zip(*ramp(), strict=True)
+        ]
+        (pad,) = read_measurements(write(tmp_path, f"test,{HEADER}\n{''.join(lines)}")).pads
+        return [(test.start_s, test.start_known) for test in pad.tests]
+
+    assert of_tests(3.0, 64.0, 80.0) == [(0.0, True), (61.0, True), (77.0, True)]
+    assert [known for _, known in of_tests(0.0, 64.0, 0.0)] == 3 * [False]  # it restarts once
+
+
 def test_three_columns_are_enough_and_values_are_the_nearest_floats_to_the_text(tmp_path):
     path = write(tmp_path, PLAIN)
     study = read_measurements(path)

@@ -132,6 +132,34 @@ def test_times_of_the_day_in_the_rows_are_the_clock_of_their_test(tmp_path, date
 
 
 @pytest.mark.parametrize(
+    ("columns", "pads", "tests"),
+    [
+        (["Essai n°"], ["pad"], ["Essai n° 1", "Essai n° 2"]),
+        (["Nº de ensayo"], ["pad"], ["Nº de ensayo 1", "Nº de ensayo 2"]),
+        (["Specimen", "Test"], ["gel"], ["Test 1", "Test 2"]),
+        (["Test", "PAD"], ["gel"], ["Test 1", "Test 2"]),
+    ],
+)
+@pytest.mark.parametrize("pause", [None, 60.0])
+def test_columns_of_specimens_and_tests_divide_a_table(tmp_path, columns, pads, tests, pause):
+    """A clock that runs on from test to test is that of the pad."""
+    lines, begin = [";".join([*columns, "Time (s)", "Position (mm)", "Force (N)"])], 0.0
+    for number in ("1", "2"):
+        test = pressed(0.4, hold=1.0, rate=50.0, seed=int(number))
+        labels = [number if len(columns) == 1 or c == "Test" else "gel" for c in columns]
+        rows = zip((begin + test.time).tolist(), test.way.tolist(), test.load.tolist(), strict=True)
+        lines += [";".join([*labels, *map(str, row)]) for row in rows]
+        begin += 0.0 if pause is None else float(test.time[-1]) + pause
+    (tmp_path / "a.csv").write_text("\n".join([*lines, ""]))
+    read = Source.from_files([tmp_path / "a.csv"]).read.pads
+    assert [pad.name for pad in read] == pads
+    assert [test.name for test in read[0].tests] == tests
+    start = float(test.time[-1] - test.time[0]) + (pause or 0.0)
+    assert read[0].tests[1].start_known is (pause is not None)
+    assert read[0].tests[1].start_s == pytest.approx(start, abs=0.03)
+
+
+@pytest.mark.parametrize(
     ("lines", "specimen"),
     [(["Specimen: Pad P"], "P"), (["Specimen\tPad P"], "P"), (["; Pad: Pad P"], "P"),
      (["Specimen: Pad P\t\tStarted: 9:26:05"], "P"),
