@@ -191,12 +191,14 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     Where a platen has moved back, the force is flat at the end of the movement, the same after the
     stop, and lower than before the contact; or it is flat and higher as the platen begins to move
     in, at speeds that differ by a factor of two. A drag ends with the motion; a specimen that pulls
-    lets go, or relaxes. It is beyond doubt where most tests show it, and it is more than a tare
-    that wanders.
+    lets go, or relaxes. It is beyond doubt where most tests show it, it is more than a tare that
+    wanders, and no less rubs on the way in: what holds on to the platen far off its surface pulls
+    alike, and does nothing before the contact.
     """
     every = [place for trial in experiment.trials for place in _rubs(experiment, trial)]
+    inward = _every_inward(experiment)
     if not any(place.is_clear for place in every):
-        every = _every_inward(experiment)
+        every, inward = inward, []
         speeds = [place.speed for place in every if place.is_clear]
         every = every if speeds and max(speeds) >= 2.0 * min(speeds) else []
         way, side = "above", "as the platen moves in"
@@ -209,12 +211,15 @@ def friction_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     agree = max(values) < _AGREE * min(values)
     size = value, sd = pooled(places)
     most = 2 * len({one.trial.name for one in places}) > len({one.trial.name for one in every})
+    before = pooled(inward) if inward else size
+    one_way = before[0] + 2.0 * before[1] < _HALF * value
     unit = experiment.units.force
     return shown(
         "friction", "force off the specimen that turns with the direction", places, size, unit,
         f"off the specimen the force stays {plain(value)} +- {plain(sd, 2)} {unit} {way} that "
-        f"before the motion, {side}: something rubs",
-        sure=agree and most and value > max(CLEAR * sd, WANDERS * experiment.peak),
+        f"before the motion, {side}: "
+        + ("it sticks, as less rubs on the way in" if one_way else "something rubs"),
+        sure=agree and most and not one_way and value > max(CLEAR * sd, WANDERS * experiment.peak),
     )  # fmt: skip
 
 
