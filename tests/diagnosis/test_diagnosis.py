@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as changed
-from support.hidden_pads import FEW, hidden_pad, with_changes
+from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes import Choices, InputError
 from qlvbayes.diagnosis.checks.adequacy import adequacy
@@ -14,7 +13,6 @@ from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.progress import StopSearch
-from qlvbayes.diagnosis.result import ParameterBias
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
@@ -75,10 +73,6 @@ def test_a_hidden_drag_is_named_with_its_size_evidence_and_support(drag):
     )
     assert support.p_left > 0.01
     assert all(one.support is None for one in others if one.inclusion < 0.1)
-    start, *stages = result.stages
-    nearer = changed(start, heldout_rmse=0.5 * after)
-    assert "falls from" in drag.text()
-    assert "falls from" not in with_changes(drag, stages=(nearer, *stages)).text()
 
 
 @pytest.mark.slow
@@ -144,15 +138,6 @@ def test_holds_at_one_depth_cannot_show_a_strength_that_changes_with_depth():
 def alone():
     """One test of a pad with nothing hidden."""
     return diagnose(measured(rates=(20.0,)), kinds=FEW)
-
-
-def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(alone):
-    for change, words in ((0.04, "4 % too high"), (-1.58, "more than half too low")):
-        bias = ParameterBias(
-            "force_drift", "force_drift.rate", 1.0, 0.1, {"b": change}, visible=False
-        )
-        said = "\n".join(with_changes(alone, biases=(bias,)).paragraphs())
-        assert f"b would be {words}" in said
 
 
 def test_priors_that_leave_no_finite_force_are_refused():

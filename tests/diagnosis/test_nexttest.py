@@ -11,6 +11,7 @@ from msgspec import structs
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 from support.endtoend import PADS, call, one_line
+from support.exported_pad import write_fit
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
@@ -20,6 +21,7 @@ from qlvbayes.diagnosis.nexttest.information import Products, Readings, between,
 from qlvbayes.diagnosis.nexttest.planning import Goal, plan_tests
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.effects.catalogue import EVERY
+from qlvbayes.io.text import digest
 from qlvbayes.io.units import PAD
 from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.noisefloor import NoiseFloor
@@ -318,9 +320,7 @@ def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fitted")
-    call("fit", PADS, "-o", folder, "--pads", "B", "--method", "least-squares")
-    return folder
+    return write_fit(tmp_path_factory.mktemp("fitted"), source=PADS, sha256=digest(PADS))
 
 
 @pytest.mark.slow

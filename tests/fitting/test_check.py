@@ -270,7 +270,7 @@ def p_value(given):
 
 
 @pytest.mark.parametrize("name", TIMES)
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_p_values_of_a_right_model_are_uniform_in_the_tail_and_five_sds_fail(name):
     rng = np.random.default_rng(11)
     times = TIMES[name]

@@ -234,7 +234,7 @@ def test_its_move_leaves_a_banana_as_it_is(kind):
         banana(np.random.default_rng(3), 16),
         random_state=np.random.RandomState(RNG).get_state(),
     )
-    sampler.run_mcmc(state, 3000)
+    sampler.run_mcmc(state, 1500)
     x, y = np.moveaxis(sampler.get_chain(), -1, 0)
     statistics = np.stack([x, x**2, y, (y - 1.0) ** 2, x * y, x < 1.0, y < 0.0], axis=-1)
     exact = [0.0, 1.0, 1.0, 2.25, 0.0, norm.cdf(1.0), _share_below_zero()]

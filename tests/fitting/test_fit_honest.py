@@ -52,7 +52,7 @@ def bundled():
 
 @pytest.mark.parametrize(("file", "pad"), bundled(), ids=[pad for _, pad in bundled()])
 @pytest.mark.parametrize("role", ["fit", "all"])
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_the_curve_leaves_what_least_squares_leave_to_within_the_noise(file, pad, role):
     """Of the same model on the same block means: less than the noise of these.
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from support.endtoend import call, one_line
 from support.written_results import write_study
 
 import qlvbayes
@@ -179,16 +178,6 @@ def test_a_number_that_is_not_finite_is_never_written(tmp_path, value):
     with pytest.raises(ValueError, match="not JSON compliant"):
         check.write(tmp_path / "check.json")
     assert not list(tmp_path.iterdir())
-
-
-def test_the_report_ends_with_one_plain_line(tmp_path):
-    file = write_study(tmp_path) / "B" / "check.json"
-    text = file.read_text()
-    file.write_text(text[: len(text) // 2])
-    status, said, err = call("report", tmp_path)
-    assert (status, said) == (2, "")
-    assert one_line(err).startswith(f"{file}: ")
-    assert not (tmp_path / "report.html").exists()
 
 
 def test_a_record_is_not_changed_once_it_is_made():

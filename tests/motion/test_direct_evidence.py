@@ -1,7 +1,6 @@
 """What readings show without a model: named where it is there, and never beyond doubt elsewhere."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,14 +9,11 @@ from support.solids import made_ready, solid
 
 from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.effects.drags import Inertia
-from qlvbayes.io.data import Test, read_measurements
+from qlvbayes.io.data import Test
 from qlvbayes.motion.evidence import direct_evidence, with_mass
-from qlvbayes.motion.experiment import prepare
 from qlvbayes.report.firstlook import look_at
 from qlvbayes.simulate import PROTOCOLS
 
-AWAY = Path(__file__).parents[3] / "shared" / "away"  # made by others
-REAL = AWAY.parent / "real" / "adhesive_shear.csv"
 NOISE = 1e-3  # N
 MASS = 7e-4  # N s2/mm
 
@@ -230,28 +226,6 @@ def test_a_pull_counts_where_the_record_ends_with_it_and_a_drag_there_is_none():
             lambda _, depth, v, __, drag=drag: spring(depth) + drag(v), (1.0, 4.0), back=1.95
         )
         assert beyond_doubt(without_the_last_rest(film)) == set()
-
-
-@pytest.mark.parametrize(("pad", "there"), [("updown", {"adhesion"}), ("stairs", set())])
-def test_a_strip_that_is_sheared_back_pulls(pad, there):
-    """A glued strip: a loose specimen cannot pull by a quarter of its peak."""
-    if not REAL.exists():
-        pytest.skip("the records are not here")
-    (known,) = (one for one in read_measurements(REAL).pads if one.name == pad)
-    assert beyond_doubt(prepare(known)) == there
-
-
-@pytest.mark.parametrize(
-    ("name", "there"),
-    [pytest.param("air.csv.gz", {"inertia"}, marks=pytest.mark.slow),
-     pytest.param("sticky.csv.gz", {"adhesion"}, marks=pytest.mark.slow),
-     ("pulls.csv", {"adhesion"}), ("film.csv", set()), ("drag.csv", set())],
-)  # fmt: skip
-def test_records_that_others_made(name, there):
-    if not AWAY.exists():
-        pytest.skip("the records are not here")
-    (pad,) = read_measurements(AWAY / name).pads
-    assert beyond_doubt(prepare(pad)) == there
 
 
 @pytest.mark.parametrize(("ramp_up", "stroke"), [(0.02, 20.0), (0.1, 4.0)])

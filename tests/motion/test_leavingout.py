@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.controlled import press_and_pause, record_controlled
-from support.endtoend import call, one_line
+from support.endtoend import call
 from support.hidden_pads import FEW
 from support.solids import made_ready
 
@@ -273,7 +273,7 @@ def notices(file):
 
 
 @pytest.mark.parametrize("marked", [False, True], ids=["option", "column"])
-@pytest.mark.few(1)
+@pytest.mark.slow
 def test_a_fit_and_its_check_do_without_and_say_so(tmp_path, marked):
     file, out = written(tmp_path, disturbed(), marked=marked), tmp_path / "out"
     options = () if marked else ("--leave-out", KNOCK)
@@ -296,13 +296,11 @@ def test_a_fit_and_its_check_do_without_and_say_so(tmp_path, marked):
 def test_two_steps_do_without_a_phase():
     """The first step takes the ramp: a hold that is left out does not change its constants."""
     elastic = []
-    without_hold = disturbed(low=1.7, high=11.5), ("t:hold",)
-    for test, leave_out in ((pressed(), ()), without_hold, (pressed(), ("t:ramp",))):
+    for test, leave_out in ((pressed(), ()), (disturbed(low=1.7, high=11.5), ("t:hold",))):
         choices = Choices(leave_out=leave_out)
         fit = fit_pad(prepared(test, leave_out=leave_out), choices, method="two-step")
         elastic.append([fit.summary().parameters[name].mean for name in ("m", "b")])
     assert elastic[1] == pytest.approx(elastic[0], rel=0.01)
-    assert np.all(np.isfinite(elastic[2]))  # whatever is left
 
 
 @pytest.mark.slow
@@ -317,21 +315,6 @@ def test_a_diagnosis_without_a_phase(tmp_path, monkeypatch):
     assert found["verdict"] in ("adequate", "ambiguous")
     assert found["steps"][-1]["rmse_N"] < 0.02
     assert "as stated by --leave-out t:hold" in notices(out / "pad" / "diagnosis.json")
-
-
-def test_a_look_goes_on_with_what_it_was_told(tmp_path):
-    file, out = written(tmp_path, disturbed()), tmp_path / "out"
-    words = ("look", file, "-o", out, "--use", "t:..20s", "--leave-out", KNOCK, "--json")
-    status, printed, error = call(*words)
-    assert status == 0, error
-    found = json.loads(printed)
-    assert found["next"][0].endswith("--use t:..20s --leave-out t:5..7s")
-    (test,) = found["pads"][0]["tests"]
-    assert test["left_out"] == 101
-    assert test["peak_N"] < 1.0
-    status, _, error = call("look", file, "-o", out, "--leave-out", "t:hold 2")
-    assert status == 2
-    assert "has no such phase; name one of ramp 1" in one_line(error)
 
 
 # the column

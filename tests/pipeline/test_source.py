@@ -12,7 +12,6 @@ from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.parallel.running import Fault, Shard
 from qlvbayes.pipeline.source import KEPT, Source, pad_of
 
-SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
 QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
 
 
@@ -95,12 +94,3 @@ def test_later_steps_read_what_was_read_from_its_tidy_copy(stage, source, tmp_pa
     assert call("check", tmp_path / "out")[0] == 0
     cells = read_json(tmp_path / "out" / "stay" / "check.json")["cells"]
     assert {cell["test"] for cell in cells} == {"at_0.5", "at_10", "at_2"}
-
-
-@pytest.mark.skipif(not (SHARED / "film_stage").is_dir(), reason="not handed over")
-def test_the_stage_that_was_handed_over_is_one_pad():
-    (pad,) = Source.from_files(SHARED / "film_stage").read.pads
-    assert len(pad.tests) == 5
-    (contact,) = {float(test.contact_stage) for test in pad.tests}
-    (sd,) = {test.contact_sd for test in pad.tests}
-    assert abs(contact - 12.412) < 3.0 * sd

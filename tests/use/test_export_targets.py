@@ -12,13 +12,11 @@ import pytest
 from scipy.special import exp1
 from support.endtoend import call
 from support.exported_pad import DATE, RELAXATION, TESTED, exported, missed, write_fit
-from support.written_results import diagnosis, write
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.finite_elements import POISSON, Abaqus, FEBio, PronyTable
 from qlvbayes.use.exports.json_file import JsonFile
-from qlvbayes.use.exports.pad import read_pad
 from qlvbayes.use.exports.reduction import pressing
 from qlvbayes.use.exports.simulators import Drake
 from qlvbayes.use.exports.target import TARGETS, Geometry, find
@@ -69,19 +67,16 @@ def pads(tmp_path_factory):
     return build
 
 
-@pytest.mark.parametrize(("verdict", "told"), [("partly_explained", True), ("adequate", False)])
-def test_a_model_that_a_diagnosis_found_wanting_says_so(tmp_path, verdict, told):
-    exported(tmp_path)
-    write(tmp_path / "B" / "diagnosis.json", diagnosis("B", verdict))
-    pad = read_pad(tmp_path, "B", draws=16, date=DATE)
-    assert ("more is there than" in text_of(find("c")().files(pad, BLOCK))) is told
+@pytest.fixture(scope="module")
+def dragged(tmp_path_factory):
+    source, choices = "/home/me/secret/pads.csv", Choices(effects=("viscous_drag",))
+    return exported(tmp_path_factory.mktemp("dragged"), choices, source=source)
 
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
-def test_every_target_says_units_date_range_intervals_and_limits(tmp_path, target):
+def test_every_target_says_units_date_range_intervals_and_limits(dragged, target):
     """And of the file that was fitted its name, not where it lies on this machine."""
-    source = "/home/me/secret/pads.csv"
-    pad = exported(tmp_path, Choices(effects=("viscous_drag",)), source=source)
+    pad = dragged
     said = text_of(target().files(pad, BLOCK))
     for words in ("displacement mm", "force N", DATE, "1.6 mm", "0.1 to 40 mm/s", "30 s, 6 tests"):
         assert words in said
@@ -116,6 +111,7 @@ def test_materials_say_that_a_pad_is_a_structure(pads, target):
 
 @pytest.mark.parametrize("relaxation", ["prony", *RELAXATION])
 @pytest.mark.parametrize("law", ["linear", "exponential"])
+@pytest.mark.few(5)
 def test_abaqus(pads, law, relaxation):
     pad = pads(law, relaxation)
     text = Abaqus().files(pad, BLOCK)["pad_B.inp"].decode()

@@ -22,7 +22,7 @@ INDICES = {"none": 1, "single": 6, "sticky": 9, "air": 15, "double": 0}
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(k, marks=() if name in ("single", "sticky") else pytest.mark.slow, id=name)
+        pytest.param(k, marks=() if name == "single" else pytest.mark.slow, id=name)
         for name, k in INDICES.items()
     ],
 )
