@@ -56,6 +56,7 @@ def test_every_term_keeps_the_rules_of_effects(name: str) -> None:
 
 
 @pytest.mark.parametrize("names", PAIRS)
+@pytest.mark.few(1)
 def test_pairs_keep_the_rules_of_effects(names: tuple[str, str]) -> None:
     assert TERMS[names[0]].joins(TERMS[names[1]])
     check_effect(load(_source(*names)))

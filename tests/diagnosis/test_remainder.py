@@ -41,6 +41,7 @@ def draws(shape, rms, count=2000, seed=3):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.few(2)
 def test_a_clear_structure_is_found_without_bias_and_below_its_bound_in_19_of_20(shape):
     rms, upper, _ = draws(shape, 0.03).T
     found, true = rms**2, 0.03**2

@@ -149,6 +149,7 @@ def test_bias_is_the_drag(right, dragged):
 
 
 @pytest.mark.parametrize("name", ["B-0.1", "B-100"])
+@pytest.mark.few(1)
 def test_a_prediction_is_the_forward_model_at_the_samples(name):
     """Against the hereditary integral on a grid of its own, a hundred times finer."""
     trial = next(t for t in experiment().trials if t.name == name)

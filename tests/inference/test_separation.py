@@ -148,6 +148,7 @@ def test_a_model_without_slopes_leaves_the_discrepancy_as_it_is():
 
 
 @pytest.mark.parametrize("name", ["viscous_drag", "fluid_pressure", "stress_softening"])
+@pytest.mark.few(1)
 def test_an_effect_that_is_not_there_leaves_the_density_as_it_is(experiment, name):
     """At its bound an amplitude can follow nothing, so that it takes nothing of a discrepancy."""
     search = build_search(experiment, kinds=[find(name)])

@@ -106,7 +106,7 @@ TEXTS = [fixture for fixture in FIXTURES if fixture.format not in BINARY]
 
 @pytest.mark.parametrize("fixture", TEXTS, ids=lambda one: one.path.name)
 @pytest.mark.parametrize("cut", [1, 3, 6, 10, 17, 25])
-@pytest.mark.few(12)
+@pytest.mark.few(8)
 def test_a_cut_file_gives_a_part_of_the_test_and_no_number_that_is_not_in_it(
     fixture, cut, tmp_path
 ):
@@ -124,7 +124,7 @@ def test_a_cut_file_gives_a_part_of_the_test_and_no_number_that_is_not_in_it(
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
 @pytest.mark.parametrize("fixture", TEXTS, ids=lambda one: one.path.name)
-@pytest.mark.few(8)
+@pytest.mark.few(5)
 def test_the_letters_code_does_not_matter(fixture, encoding, tmp_path):
     path = fixture.written(tmp_path)
     plain = convert([path])

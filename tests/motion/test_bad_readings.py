@@ -217,6 +217,7 @@ def test_coarse_steps_and_thinned_records_stay(every, encoder, step):
 
 
 @pytest.mark.parametrize("folder", ["real", "away", "records"])
+@pytest.mark.few(1)
 def test_of_measurements_only_what_was_lost_is_left_out(folder):
     if not (SHARED / folder).is_dir():
         pytest.skip(f"shared/{folder} is not here")

@@ -179,7 +179,7 @@ def test_phases_have_the_control_that_they_had(program, expected, closed_loop):
 @pytest.mark.parametrize(("rested", "rate"), [(0.9, 0.3), (0.9, 3.0), (0.98, 0.3), (0.7, 3.0)])
 @pytest.mark.parametrize("speed", [0.5, 5.0])
 @pytest.mark.parametrize("pause", [2.0, 20.0])
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 def test_a_pause_under_a_force_is_a_hold_however_little_it_creeps(rested, rate, speed, pause):
     """By 0.1 to 14 % of the displacement; the ramp ends where the force does."""
     constants, white = Constants(0.5, 0.8, (rested, 1.0 - rested), (rate,)), 5e-4
@@ -194,6 +194,7 @@ def test_a_pause_under_a_force_is_a_hold_however_little_it_creeps(rested, rate, 
 
 
 @LOOPS
+@pytest.mark.few(1)
 def test_phases_of_creep_are_those_of_the_force(closed_loop):
     test = creep(loop=closed_loop)
     found = force_phases(test, test.time)
@@ -238,6 +239,7 @@ def test_the_motion_does_not_swing_between_sparse_readings_and_follows_the_creep
     ],
     ids=["weights", "closed loop", "pause", "recovery"],
 )
+@pytest.mark.few(3)
 def test_the_noise_shows_whatever_the_controller_follows(tests, most):
     """A controller's slow errors are in no reading of a held force, and yet in the model's."""
     tests = tests()

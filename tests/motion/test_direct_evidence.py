@@ -72,7 +72,7 @@ def rubbed(speed):
 
 @pytest.mark.parametrize("protocol", sorted(PROTOCOLS))
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 def test_nothing_is_beyond_doubt_on_an_empty_pad(protocol, seed):
     experiment = hidden_pad(rates=(1.0, 20.0), protocol=PROTOCOLS[protocol], seed=seed)
     assert beyond_doubt(experiment) == set()
@@ -92,6 +92,7 @@ def test_a_pad_that_sticks_pulls_beyond_doubt_and_one_that_is_bonded_may():
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0])
+@pytest.mark.few(1)
 def test_a_drag_pulls_but_not_beyond_doubt(power):
     drags = lambda v: 0.05 * np.sign(v) * np.abs(v) ** power  # noqa: E731
     experiment = pressed(lambda _, depth, v, __: spring(depth) + drags(v))
@@ -115,6 +116,7 @@ def test_a_mass_in_air_is_measured_and_told_in_a_look():
         (0.6, 0.6, (0.5, 1.0, 2.0), {"stroke": 3.0, "back": 2.0}),  # it rubs on the way in
     ],
 )
+@pytest.mark.few(2)
 def test_a_guide_that_rubs_is_neither_a_pull_nor_a_drag(left, air, speeds, press):
     """Friction and a spring, of which a share is left on the way back."""
 
@@ -229,6 +231,7 @@ def test_a_pull_counts_where_the_record_ends_with_it_and_a_drag_there_is_none():
 
 
 @pytest.mark.parametrize(("ramp_up", "stroke"), [(0.02, 20.0), (0.1, 4.0)])
+@pytest.mark.few(1)
 def test_a_mass_is_weighed_by_impulses_where_no_acceleration_is_resolved(ramp_up, stroke):
     """Two readings at a start, or moves that reach their speed for a moment only."""
     experiment = pressed(

@@ -128,6 +128,7 @@ STEERED = pytest.mark.parametrize(
 
 
 @STEERED
+@pytest.mark.few(2)
 def test_a_mass_that_is_moved_and_a_drag_that_ends_do_not_tear(speed, ramp_up, jerk):
     """In air and with a pad of 0.05 N/mm below it."""
     time, displacement, velocity, acceleration = steered(speed, ramp_up, jerk=jerk, back=5.0)
@@ -143,6 +144,7 @@ def test_a_mass_that_is_moved_and_a_drag_that_ends_do_not_tear(speed, ramp_up, j
 
 
 @STEERED
+@pytest.mark.few(2)
 def test_a_pad_that_sticks_and_lets_go_does_not_tear(speed, ramp_up, jerk):
     """Drawn 1 mm off it pulls, and lets go at 0.5 mm; it is drawn to at 0.2 mm on the way in."""
     time, displacement, velocity, _ = steered(speed, ramp_up, jerk=jerk, back=6.0)

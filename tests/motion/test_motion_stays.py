@@ -137,7 +137,7 @@ def quick_press(rate, offset, creep=0.0):
 @pytest.mark.parametrize("creep", [0.0, 4e-4])
 @OFFSETS
 @RATES
-@pytest.mark.few(8)
+@pytest.mark.few(5)
 def test_a_press_of_three_to_five_readings_goes_where_the_platen_went(rate, offset, creep):
     """And nothing overshoots that no reading shows."""
     true, time = quick_press(rate, offset, creep)

@@ -104,6 +104,7 @@ def test_drift_of_the_force_is_no_noise():
 
 
 @pytest.mark.parametrize("readings", [28, 40, 70])
+@pytest.mark.few(2)
 def test_a_quick_relaxation_that_few_readings_show_is_no_noise(readings):
     """It takes 0.16 s in a dwell of 30 s, and is first read after 0.05 s."""
     spread = np.geomspace(50, 29_990, readings).astype(int)

@@ -48,6 +48,7 @@ def test_the_four_phases_of_a_test():
 
 
 @pytest.mark.parametrize("speed", [0.1, 7.3])
+@pytest.mark.few(1)
 def test_a_staircase_up_and_down(speed):
     at = np.append(0.0, np.cumsum([0.2 / speed, 3.0] * 10))
     depths = np.repeat(np.cumsum([0.0] + [0.2] * 5 + [-0.2] * 5), 2)[1:]
@@ -89,6 +90,7 @@ def test_a_platen_that_creeps_in_after_it_came_back_recovers():
 
 
 @pytest.mark.parametrize(("way", "step"), [(0.5, ["ramp", "hold"]), (-0.5, ["unload", "recovery"])])
+@pytest.mark.few(1)
 def test_steps_after_each_of_which_the_platen_creeps_back(way, step):
     t = np.arange(0.0, 60.0, 0.02)
     x = sum(
@@ -99,7 +101,7 @@ def test_steps_after_each_of_which_the_platen_creeps_back(way, step):
 
 @pytest.mark.parametrize("size", [0.03, 0.06, 0.2])
 @pytest.mark.parametrize("lasting", [10.0, 38.0])
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_a_slow_way_back_that_is_meant_is_no_creep(size, lasting):
     """At a steady speed, or by half a cosine: both lie as much in their last half as before."""
     t = np.arange(0.0, 22.0 + lasting, 0.02)

@@ -51,6 +51,7 @@ def test_velocity_and_acceleration_away_from_the_kinks(speed):
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
+@pytest.mark.few(3)
 def test_cruising_speed_at_the_other_rates(speed):
     rng = np.random.default_rng(3)
     for _ in range(2 if speed < 1.0 else 4):
@@ -108,7 +109,7 @@ def test_a_thinned_record_keeps_the_ramp():
 
 @pytest.mark.parametrize("begin", [0.1, 0.104, 0.108, 0.113, 0.117])
 @pytest.mark.parametrize("speed", [10.0, 20.0, 100.0])
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 def test_stairs_too_quick_for_the_readings_are_no_scatter(speed, begin):
     """One or two readings a stair: an estimate of scatter that takes them for it follows none."""
     motion = trapezoids(speed, (0.4, 0.4, 0.4, 0.4, -0.8), hold=3.3, lead=begin)

@@ -204,6 +204,7 @@ def test_the_prony_table_relaxes_like_the_pad_in_both_forms(pads, relaxation):
 
 
 @pytest.mark.parametrize("units", [("1", "kPa"), ("1", "Pa")])
+@pytest.mark.few(1)
 def test_stress_over_strain_is_a_modulus_already_and_stiffness_is_one_in_any_units(tmp_path, units):
     stiff = {"mm": {}, "um": {"units": ("um", "mN")}}  # 1 mN/um = 1 N/mm
     linear = [exported(tmp_path / k, Choices(elastic="linear"), **x) for k, x in stiff.items()]
