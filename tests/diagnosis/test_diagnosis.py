@@ -7,16 +7,13 @@ import pytest
 from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes import Choices, InputError
-from qlvbayes.diagnosis.checks.adequacy import adequacy
 from qlvbayes.diagnosis.checks.heldout import error, leave_out, predicted
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.progress import StopSearch
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
-from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
-from qlvbayes.inference.modes import find_mode
 from qlvbayes.simulate import HIDDEN, TABLE_1, full_retraction_protocol, paper_protocol
 
 RATES = (0.1, 1.0, 20.0, 100.0)
@@ -143,19 +140,6 @@ def alone():
 def test_priors_that_leave_no_finite_force_are_refused():
     with pytest.raises(InputError, match="narrow the priors"):
         diagnose(measured(rates=(20.0,)), Choices(priors=("b=lognormal(9,0.1)",)))
-
-
-@pytest.mark.slow
-def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
-    """Whatever the noise that comes with the same pad, one in ten is below a tenth."""
-    below, start = 0, plain.work.path[0].point.theta
-    for seed in range(20):
-        experiment = measured(seed=100 + seed)
-        search = build_search(experiment, kinds=())
-        point = find_mode(search.density, search.baseline, start).point
-        record, cells = search.density.space.record, DiagnosisSettings().cells
-        below += adequacy(experiment, record, point, cells).p_value < 0.1
-    assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
 @pytest.mark.slow

@@ -24,7 +24,6 @@ from qlvbayes.simulate import (
     Load,
     Move,
     creep_protocol,
-    creep_study,
     displacement_under,
     draw_constants,
     full_retraction_protocol,
@@ -32,7 +31,6 @@ from qlvbayes.simulate import (
     prescribed,
     record_creep,
     simulate_test,
-    write_csv,
 )
 from qlvbayes.simulate.constants import Constants
 from qlvbayes.simulate.sensors import Noise
@@ -314,15 +312,6 @@ def test_a_column_that_says_it_for_some_rows_only_or_in_other_words_is_refused(
     test, loaded = recorded(PRESS)
     with pytest.raises(InputError, match=message):
         read_measurements(written(tmp_path / "a.csv", test, np.where(loaded, *words)))
-
-
-def test_a_whole_test_under_a_force_is_written_and_read(tmp_path):
-    write_csv(tmp_path / "creep.csv", creep_study({"B": B}, (0.5,), CORRELATED, 0, 200), [])
-    study = read_measurements(tmp_path / "creep.csv")
-    assert study.notices == ()
-    found = prepare(study.pad("B"))
-    assert [trial.control for trial in found.trials] == ["force"]
-    assert found.notices == ()
 
 
 def test_what_the_file_says_counts():

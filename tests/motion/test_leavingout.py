@@ -26,8 +26,6 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.motion.facts import covered
 from qlvbayes.motion.pad import arguments_of, refuse_unknown
-from qlvbayes.plots.look import plot_look
-from qlvbayes.plots.panels import LABEL
 from qlvbayes.simulate import NOISES, TABLE_1, Hold, Move, simulate_test
 
 B = TABLE_1["B"]
@@ -245,17 +243,6 @@ def test_of_a_test_of_phases_only_those_that_are_used_count():
 # a user sees it
 
 
-def test_figures_show_it_grey_and_few():
-    panels = plot_look(prepared(disturbed(), leave_out=[KNOCK]))
-    crosses = [line for line in panels[0].lines if line.get_gid() == LABEL]
-    assert len(crosses) == 1
-    assert not [line for line in panels[1].lines if line.get_gid() == LABEL]  # which counts
-    assert 30 < crosses[0].get_xdata().size <= 50
-    assert panels[0].get_ylim()[1] < 1.0
-    (readings,) = (line for line in panels[0].lines if line.get_gid() == "readings")
-    assert np.isnan(readings.get_ydata()).any()
-
-
 def written(folder, *tests, marked=False):
     rows = []
     for test in tests:
@@ -293,6 +280,7 @@ def test_a_fit_and_its_check_do_without_and_say_so(tmp_path, marked):
     assert len(test["left_out"]) <= 50
 
 
+@pytest.mark.slow
 def test_two_steps_do_without_a_phase():
     """The first step takes the ramp: a hold that is left out does not change its constants."""
     elastic = []

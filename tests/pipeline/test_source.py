@@ -80,14 +80,17 @@ def test_what_would_go_to_one_folder_is_refused(tmp_path):
         Source.from_files(tmp_path / "none")
 
 
-def test_later_steps_read_what_was_read_from_its_tidy_copy(stage, source, tmp_path):
-    """The copy has the same tests, and a check of the fit finds them there."""
+def test_later_steps_read_what_was_read_from_its_tidy_copy(source, tmp_path):
     after = source.kept(tmp_path)
     assert Path(after.read.source) == tmp_path / KEPT
     for one, other in zip(source.read.pads[0].tests, after.read.pads[0].tests, strict=True):
         assert (one.name, one.contact_stage) == (other.name, other.contact_stage)
         assert np.allclose(one.force, other.force, atol=1e-8)
     assert after.read.sha256 == source.read.sha256
+
+
+@pytest.mark.slow
+def test_a_check_of_a_fit_finds_the_tests_in_the_copy(stage, tmp_path):
     status, out, err = call("fit", stage, "-o", tmp_path / "out", *QUICK, "--pad", "stay")
     assert status == 0, err
     assert out.startswith("read: pad stay of 3 tests")
