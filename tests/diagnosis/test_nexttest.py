@@ -90,11 +90,7 @@ def test_an_amplitude_near_zero_keeps_its_moments_and_a_scale_those_of_its_logar
 
 
 def test_bits_are_those_of_the_textbook_and_what_one_may_take_is_not_known_of_another():
-    """One constant of slopes 1 and 2 in units of the noise: half log2 of 1 + 5, s = 5.
-
-    Of two with the same slopes the sum is known, each of them half in doubt:
-    M = [[1 + s, s], [s, 1 + s]] has the inverse's corner (1 + s)/(1 + 2 s).
-    """
+    """One constant of slopes 1 and 2 in units of the noise: half log2 of 1 + 5, s = 5."""
     found = products([[0.0, 0.0], [1.0, 2.0]])
     assert found.bits_for_constants(("a0",))[0] == pytest.approx(0.5 * np.log2(6.0))
     assert found.sds(0, np.array([[3.0]]))[0, 0] == pytest.approx(3.0 / np.sqrt(6.0))
@@ -198,10 +194,7 @@ def test_the_cause_is_asked_for_by_all_bits_and_not_by_bits_a_minute():
 
 
 def test_the_closed_form_is_that_of_nested_monte_carlo(pad):
-    """Constants known to 3 % bend the forces little.
-
-    The probability of readings is an average over draws about the posterior of linear forces.
-    """
+    """Constants known to 3 % bend the forces little."""
     (one,), rng = pad.explanations, np.random.default_rng(0)
     record = READINGS.record([PRESS])
     blocks = type(record.blocks)(**{k: np.asarray(x)[0] for k, x in vars(record.blocks).items()})

@@ -51,12 +51,7 @@ def bundled():
 @pytest.mark.parametrize("role", ["fit", "all"])
 @pytest.mark.few(1)
 def test_the_curve_leaves_what_least_squares_leave_to_within_the_noise(file, pad, role):
-    """Of the same model on the same block means: less than the noise of these.
-
-    Correlated noise moves the likeliest curve off that of least squares even where the model is
-    right, by up to a quarter of what is left of one test: least squares follow the noise. There the
-    likelihood has to say so.
-    """
+    """Of the same model on the same block means: less than the noise of these."""
     experiment = prepare(read_measurements(file).pad(pad), all_tests=role == "all")
     trials = experiment.with_role("fit")
     predictor = predictor_of(experiment, Choices(), trials)

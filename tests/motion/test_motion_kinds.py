@@ -1,9 +1,4 @@
-"""Velocity, acceleration and stated error on every kind of motion, against closed forms.
-
-Errors are looked at while the platen moves, at the samples of the record, leaving out two on either
-side of a jump of velocity or acceleration and the time in which the jump makes two encoder steps.
-Both their root mean square and their 95 % quantile are bounded.
-"""
+"""Velocity, acceleration and stated error on every kind of motion, against closed forms."""
 
 from itertools import pairwise
 
