@@ -1,5 +1,7 @@
 """The verdict as a function of numbers: tables in, words out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,6 +21,7 @@ from qlvbayes.diagnosis.decision import (
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import Ranked, Strength, Strengths, Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.summarizing import unlikely_over_all
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
@@ -143,6 +146,17 @@ def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_
     assert refusals(decision, unsure, DiagnosisSettings()) == {}
     worse = {"drag": ranked("drag", inclusion=0.55, certainty=0.3, gain=-0.1)}
     assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
+
+
+def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
+    free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, nameable=False)
+    weights = [free, weight("drag film", 1e-9), weight("drag", 1e-13)]
+    outcome = SimpleNamespace(
+        experiment=SimpleNamespace(pad="C"), inclusion=decide(weights).inclusion.__getitem__,
+        search=SimpleNamespace(settings=DiagnosisSettings()),
+    )  # fmt: skip
+    assert len(unlikely_over_all(outcome, decide(ignore_unmodelled(weights)))) == 1
+    assert not unlikely_over_all(outcome, decide(weights))
 
 
 def test_the_base_told_is_likely_without_what_is_refused():

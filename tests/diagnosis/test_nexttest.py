@@ -103,7 +103,7 @@ def test_bits_are_those_of_the_textbook_and_what_one_may_take_is_not_known_of_an
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_distances_are_those_between_normals(seed):
     rng = np.random.default_rng(seed)
     one, two = rng.normal(size=(3, 5)), rng.normal(size=(4, 5))
@@ -122,7 +122,7 @@ def test_distances_are_those_between_normals(seed):
 
 
 @given(st.integers(0, 10_000), st.sampled_from(["abc", "aba"]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_bits_for_the_cause_lie_between_their_bounds(seed, causes):
     """Against Monte Carlo over the exact mixture: explanations 0 and 2 may be of one cause."""
     rng = np.random.default_rng(seed)
@@ -248,7 +248,7 @@ def test_a_pad_has_recovered_when_its_modes_have():
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 5.0), st.floats(1.0, 100.0), st.floats(50.0, 5000.0))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_set_points_stay_within_the_rig(seed, depth, speed, acceleration):
     rig, recovery = Rig(depth, speed, acceleration), Belief((law([1.0]),)).recovery
     designs = draw_designs(rig, recovery, 120.0, 16, seed)

@@ -2,10 +2,12 @@
 
 import pytest
 from blind.catalogue import OUTSIDE
+from msgspec import structs
 from support.hidden_pads import FEW, hidden_pad, keeps_diagnosis_contract
 
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
+from qlvbayes.diagnosis.summary.words import _unnamed
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.simulate import HIDDEN, PAPER_RATES
 
@@ -48,3 +50,14 @@ def test_what_is_not_on_the_list_is_left_and_told(clipped):
     left = clipped.result.remainder
     assert not left.small
     assert left.test in " ".join(clipped.paragraphs())
+
+
+def test_what_names_nothing_and_is_in_the_prediction_is_told(clipped):
+    """Predictions are averaged over the alternatives, whatever these hold."""
+    (first, *others), work = clipped.result.alternatives, clipped.work
+    name = min(work.search.families.unmodelled)
+    for share, told in ((0.6, 1), (0.001, 0)):
+        held = structs.replace(first, effects=(*first.effects, name), probability=share)
+        rest = [structs.replace(one, effects=()) for one in others]
+        said = _unnamed(structs.replace(clipped.result, alternatives=(held, *rest)), work)
+        assert len(said) == told

@@ -62,7 +62,7 @@ def force(model):
 
 
 @ALL
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_every_effect_keeps_the_rules(kind):
     check_effect(kind)
 

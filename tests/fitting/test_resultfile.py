@@ -111,7 +111,7 @@ PLAIN = {
 @pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 def test_every_record_comes_back_as_the_same_object(kind):
     rng = np.random.default_rng(0)
-    for _ in range(20):
+    for _ in range(8):
         found = any_of(kind, rng)
         text = found.to_json()
         again = kind.from_json(text)
@@ -127,7 +127,7 @@ def test_no_kind_of_file_is_forgotten():
     assert set(Result.__subclasses__()) == set(EVERY)
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(sorted(KINDS)), st.floats(0.0, 1.0, exclude_max=True))
 def test_a_file_that_was_cut_is_refused_in_one_line(out, name, share):
     file = next(out.rglob(f"{name}.json"))

@@ -58,7 +58,7 @@ def dense(noise, jacobian, size, timing):
 
 
 @given(st.integers(0, 200), st.sampled_from([1e-3, 0.03, 0.5]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_products_and_volume_are_those_of_the_whole_covariance(seed, size):
     rng = np.random.default_rng(seed)
     noise, jacobian = correlated(0.01, 5.0), rng.standard_normal((FREE, COUNT))

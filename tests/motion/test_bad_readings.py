@@ -275,6 +275,6 @@ def test_a_trial_has_neither_the_reading_nor_its_trace():
 
 def test_sound_noise_has_no_outliers():
     """So that a floor measured without them is the one measured before."""
-    for seed in range(20):
+    for seed in range(10):
         force = 1.0 + 0.5 * np.exp(-0.3 * TIME) + noise(TIME.size, seed)
         assert not outlying(TIME, force).any()

@@ -338,7 +338,7 @@ def dwells(draw):
     return record, (Phase("ramp", -ramp, 0.0), *rests)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.lists(dwells(), min_size=1, max_size=4), st.sampled_from([0.0, 1e-3]))
 def test_every_floor_is_finite_and_not_negative(tests, of_a_step):
     records, phases = zip(*tests, strict=True)

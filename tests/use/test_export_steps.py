@@ -255,6 +255,7 @@ def test_a_users_own_effect_goes_along(compiled, tmp_path):
 @pytest.mark.parametrize(
     ("name", "why"), [("inertia", "acceleration"), ("sorting", "sort"), ("looping", "scan")]
 )
+@pytest.mark.few(2)
 def test_what_does_not_step_is_left_out_and_says_why(name, why, tmp_path):
     (tmp_path / "own.py").write_text(OWN)
     choices = Choices(effects=(name, "viscous_drag"), effects_file=str(tmp_path / "own.py"))

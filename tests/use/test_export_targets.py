@@ -12,11 +12,13 @@ import pytest
 from scipy.special import exp1
 from support.endtoend import call
 from support.exported_pad import DATE, RELAXATION, TESTED, exported, missed, write_fit
+from support.written_results import diagnosis, write
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.exports.finite_elements import POISSON, Abaqus, FEBio, PronyTable
 from qlvbayes.use.exports.json_file import JsonFile
+from qlvbayes.use.exports.pad import read_pad
 from qlvbayes.use.exports.reduction import pressing
 from qlvbayes.use.exports.simulators import Drake
 from qlvbayes.use.exports.target import TARGETS, Geometry, find
@@ -65,6 +67,14 @@ def pads(tmp_path_factory):
         return known[key]
 
     return build
+
+
+@pytest.mark.parametrize(("verdict", "told"), [("partly_explained", True), ("adequate", False)])
+def test_a_model_that_a_diagnosis_found_wanting_says_so(tmp_path, verdict, told):
+    write_fit(tmp_path)
+    write(tmp_path / "B" / "diagnosis.json", diagnosis("B", verdict))
+    pad = read_pad(tmp_path, "B", draws=2, date=DATE)
+    assert ("more is there than" in text_of(find("c")().files(pad, BLOCK))) is told
 
 
 @pytest.fixture(scope="module")
