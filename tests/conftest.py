@@ -22,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import settings
 from support import shared
 
 from qlvbayes.io.runtime import configure, forget_compiled
@@ -31,6 +32,8 @@ STATUS = Path("/proc/self/status")
 # glibc keeps what threads have freed: a third of a worker's memory after a diagnosis
 TRIM = getattr(ctypes.CDLL(None), "malloc_trim", bool) if sys.platform == "linux" else bool
 
+settings.register_profile("quick", max_examples=25)  # other ones in every run
+settings.load_profile("quick")
 gc.disable()  # until all tests are collected: imports leave no garbage worth a look
 configure()
 

@@ -28,10 +28,6 @@ a,0.1,0.1,0.05
 a,0.05,0.2,0.10
 a,0.3,0.3,0.20
 """
-UNCLEAR = "first;second;third\n" + "".join(
-    f"{0.01 * k:.2f};{min(0.01 * k, 1.0):.3f};{1000.0 * min(0.01 * k, 1.0) ** 1.5:.2f}\n"
-    for k in range(300)
-)
 NAMELESS = """all => all.filter(one => one.checkVisibility() && !(one.getAttribute("aria-label") ||
     one.textContent.trim() || one.labels?.length || one.getAttribute("aria-labelledby")))
     .map(one => one.outerHTML)"""
@@ -92,23 +88,6 @@ def test_a_broken_file_that_is_dropped_is_refused_in_the_words_of_the_command(vi
     expect(line).to_contain_text("line 4")
     assert str(refused.value).removeprefix(f"{tmp_path}/") in line.inner_text()
     expect(visit.page.locator(".drop")).to_be_visible()  # for the file, once corrected
-
-
-def test_columns_that_are_not_clear_are_asked_for_with_the_first_lines(visit):
-    page = visit.page
-    expect(page.locator(".drop")).to_be_visible()
-    drop(page, "unclear.csv", UNCLEAR)
-    asked = page.locator("#asking")
-    expect(asked.locator("pre")).to_contain_text("first;second;third")
-    for k, name in enumerate(("time", "displacement", "force")):
-        page.locator(f"#ask-{name}").select_option(index=k + 1)
-    page.get_by_role("button", name="Read it so").click()
-    for name, unit in (("time", "s"), ("displacement", "mm"), ("force", "mN")):
-        page.locator(f"#ask-{name}_unit").select_option(unit)
-    assert asked.locator("input, select").evaluate_all(NAMELESS) == []
-    page.get_by_role("button", name="Read it so").click()
-    expect(asked).to_be_hidden()
-    assert visit.said == []
 
 
 def test_which_test_is_of_which_pad_is_said_by_keyboard(visit, tmp_path):

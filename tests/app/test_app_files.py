@@ -138,6 +138,7 @@ def test_the_command_of_a_session_divides_the_tests_as_the_answers_did(
 @pytest.mark.parametrize(
     "pads", [(), ("A", None, "A"), ("A", "A,B", "A"), ("A", "a", "B"), ("A", "compare", "B"), "AB"]
 )
+@pytest.mark.few(3)
 def test_pads_that_cannot_be_named_so_are_told(tmp_path, specimens, pads):
     named = {f"pad{k}": pad for k, pad in enumerate(pads) if pad}
     with pytest.raises(InputError):

@@ -56,7 +56,7 @@ FULL = text(
 PIECES = [b",", b'"', b"\n", b"\r", b"#", b";", b"\t", b"\0", b"\xff", b"nan", b"-", b" ", b"1e999"]
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=40)
 @given(
     st.sampled_from([FULL, gzip.compress(FULL)]),
     st.lists(

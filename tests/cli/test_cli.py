@@ -111,6 +111,7 @@ def test_a_seed_repeats_and_another_does_not(tmp_path):
     assert not found[0]["converged"]
 
 
+@pytest.mark.slow
 def test_simulated_pads_are_fitted_one_folder_each(tmp_path):
     data, out = tmp_path / "mine.csv.gz", tmp_path / "out"
     words = ("--rates", "20", "--load-cell", "none", "--max-rows", "400")

@@ -14,7 +14,7 @@ PLACES = ("--depth", 1, "--rates", "1", "--frequencies", "0.3")
 def folder_of(path, pads, fluids=None):
     for seed, pad in enumerate(pads):
         attrs = {"fluid": fluids[pad]} if fluids else {}
-        few = {name: draws[:, :40] for name, draws in drawn(pad[0], seed).items()}
+        few = {name: draws[:, :25] for name, draws in drawn(pad[0], seed).items()}
         written(path / pad, vectors(few), attrs)
     return path
 

@@ -1,14 +1,11 @@
 """Check that errors end in one plain line, nothing is left half done, and stopped runs resume."""
 
 import errno
-import json
 import os
 import resource
 import shutil
-import signal
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
@@ -125,46 +122,3 @@ def test_a_failed_write_keeps_the_file_that_was_there(tmp_path):
     assert error.value.errno == errno.EFBIG
     assert read_json(file) == {"a": 1}
     assert list(tmp_path.iterdir()) == [file]
-
-
-@pytest.mark.slow
-def test_a_stopped_fit_resumes_and_ends_as_if_never_stopped(tmp_path):
-    """Killed outright, then Ctrl-C, then left alone: the numbers of one uninterrupted run."""
-    words = ["fit", str(PADS), "-o", str(tmp_path / "out"), "--pads", "B", "--seed", "8"]
-    words += ["--noise", "white", "--max-steps", "600"]  # three stretches
-    chain = tmp_path / "out" / "B" / "chain"
-
-    killed = _stopped(words, chain / "stretch-00000.npz", signal.SIGKILL)
-    assert killed == (-signal.SIGKILL, "")
-    first = (chain / "stretch-00000.npz").stat().st_mtime_ns
-
-    status, err = _stopped(words, chain / "stretch-00001.npz", signal.SIGINT)
-    assert status == 130
-    assert one_line(err) == "interrupted; the same command goes on where it stopped"
-    assert (chain / "stretch-00000.npz").stat().st_mtime_ns == first
-    assert not (tmp_path / "out" / "B" / "posterior.nc").exists()
-
-    resumed = call(*words, "--json")
-    words[3] = str(tmp_path / "whole")
-    whole = call(*words, "--json")
-    assert resumed[0] == whole[0] == 0
-    assert json.loads(resumed[1]) == json.loads(whole[1])
-    assert not chain.exists()
-
-
-def _stopped(words, file, number):
-    """Send a signal once a file is there: the exit status and stderr."""
-    process = subprocess.Popen(
-        # a shell starts background jobs deaf to Ctrl-C, and so would be what they start
-        ["env", "--default-signal=INT", COMMAND, *words],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-    )
-    deadline = time.monotonic() + 200.0
-    while not file.exists() and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.01)
-    os.kill(process.pid, number)
-    err = process.communicate(timeout=60)[1]
-    return process.returncode, err

@@ -71,7 +71,7 @@ def test_a_bad_file_is_refused_with_its_place(own, change, problem):
         (('"tau": "time"}', '"t": "time"}'), "units must name exactly"),
     ],
 )
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 def test_a_law_that_breaks_a_rule_is_told_which(own, change, problem):
     text = OWN.replace(*change)
     assert text != OWN

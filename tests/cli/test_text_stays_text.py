@@ -40,7 +40,7 @@ PARTS = [
 ]  # fmt: skip
 NASTY = st.lists(st.sampled_from(PARTS), min_size=1, max_size=5).map("".join)
 QUICK = settings(
-    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

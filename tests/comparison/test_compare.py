@@ -49,7 +49,7 @@ def test_known_differences_are_found_and_same_rates_told_equal_or_left_open(oil_
 
 def test_turning_the_pair_round_turns_answers_and_against_itself_it_is_equal_or_open():
     rng = np.random.default_rng(1)
-    first, second = (posterior(table_1(pad), rng, centred=True) for pad in "AC")
+    first, second = (posterior(table_1(pad), rng, size=150, centred=True) for pad in "AC")
     there = compare(first, second, names=("A", "C"), **PLACES)
     back = compare(second, first, names=("C", "A"), **PLACES)
     turned = {"greater": "less", "less": "greater", "equal": "equal", "cannot tell": "cannot tell"}
@@ -58,12 +58,12 @@ def test_turning_the_pair_round_turns_answers_and_against_itself_it_is_equal_or_
         assert one.difference.median == pytest.approx(-other.difference.median, rel=0.1, abs=0.01)
         if one.quantity in ("m", "b", "c[2]", "v[1]"):
             assert turned[one.answer] == other.answer
-    draws = posterior(table_1("B"), np.random.default_rng(2), size=150)
+    draws = posterior(table_1("B"), np.random.default_rng(2), size=100)
     found = compare(draws, draws, names=("B", "B again"), **PLACES)
     assert not {c.answer for c in found.contrasts} & {"greater", "less"}
     assert found.differ is None  # v[2] is too wide to be called equal
     sharp = {name: 0.1 * width for name, width in WIDTHS.items()}
-    draws = posterior(table_1("B"), np.random.default_rng(2), sharp, size=150)
+    draws = posterior(table_1("B"), np.random.default_rng(2), sharp, size=100)
     found = compare(draws, draws, **PLACES)
     assert {c.answer for c in found.contrasts} == {"equal"}
     assert found.differ is False

@@ -4,21 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from msgspec.structs import replace as changed
-from support.hidden_pads import FEW, hidden_pad, with_changes
+from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes import Choices, InputError
-from qlvbayes.diagnosis.checks.adequacy import adequacy
 from qlvbayes.diagnosis.checks.heldout import error, leave_out, predicted
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.progress import StopSearch
-from qlvbayes.diagnosis.result import ParameterBias
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
-from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.effects.catalogue import find
-from qlvbayes.inference.modes import find_mode
 from qlvbayes.simulate import HIDDEN, TABLE_1, full_retraction_protocol, paper_protocol
 
 RATES = (0.1, 1.0, 20.0, 100.0)
@@ -75,10 +70,6 @@ def test_a_hidden_drag_is_named_with_its_size_evidence_and_support(drag):
     )
     assert support.p_left > 0.01
     assert all(one.support is None for one in others if one.inclusion < 0.1)
-    start, *stages = result.stages
-    nearer = changed(start, heldout_rmse=0.5 * after)
-    assert "falls from" in drag.text()
-    assert "falls from" not in with_changes(drag, stages=(nearer, *stages)).text()
 
 
 @pytest.mark.slow
@@ -146,31 +137,9 @@ def alone():
     return diagnose(measured(rates=(20.0,)), kinds=FEW)
 
 
-def test_no_constant_is_said_to_fall_by_more_than_all_of_itself(alone):
-    for change, words in ((0.04, "4 % too high"), (-1.58, "more than half too low")):
-        bias = ParameterBias(
-            "force_drift", "force_drift.rate", 1.0, 0.1, {"b": change}, visible=False
-        )
-        said = "\n".join(with_changes(alone, biases=(bias,)).paragraphs())
-        assert f"b would be {words}" in said
-
-
 def test_priors_that_leave_no_finite_force_are_refused():
     with pytest.raises(InputError, match="narrow the priors"):
         diagnose(measured(rates=(20.0,)), Choices(priors=("b=lognormal(9,0.1)",)))
-
-
-@pytest.mark.slow
-def test_adequacy_p_values_are_uniform_under_a_right_model(plain):
-    """Whatever the noise that comes with the same pad, one in ten is below a tenth."""
-    below, start = 0, plain.work.path[0].point.theta
-    for seed in range(20):
-        experiment = measured(seed=100 + seed)
-        search = build_search(experiment, kinds=())
-        point = find_mode(search.density, search.baseline, start).point
-        record, cells = search.density.space.record, DiagnosisSettings().cells
-        below += adequacy(experiment, record, point, cells).p_value < 0.1
-    assert below <= 6  # binomial: more than 6 of 20 has probability 0.002
 
 
 @pytest.mark.slow

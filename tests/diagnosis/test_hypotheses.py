@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 from support.endtoend import call, read_json
+from support.exported_pad import write_fit
 from support.posteriors import drawn, vectors, written
 from support.savedfit import REACH, draws
 
 from qlvbayes import predict_program
 from qlvbayes.diagnosis.result import LawPair
-from qlvbayes.fitting.results import load, save
+from qlvbayes.fitting.results import load
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
 from qlvbayes.use.prescribed.hypotheses import FILE, DrawnHypothesis, Hypotheses
@@ -141,14 +142,7 @@ def test_a_diagnosis_of_other_tests_is_left_out(folder, tmp_path):
     assert saved.covered is None
     other = changed(BOTH, covered=replace(REACH, depth=2.0))
     other.write(tmp_path / "B" / FILE)
-    # a posterior of our own says what its tests cover
-    from support.endtoend import fitted
-
-    from qlvbayes.fitting.fit import to_arviz
-
-    fit = fitted(method="least-squares")
-    tree = to_arviz(fit, fit.summary(), source="", sha256="", all_tests=False, seed=0)
-    save(tree, tmp_path / "B" / "posterior.nc")
+    write_fit(tmp_path)  # which says what its tests cover
     status, _, err = call("predict", tmp_path, "--program", PROGRAM)
     assert status == 0
     assert "its diagnosis is of other tests than its fit" in err.replace("\n", " ")

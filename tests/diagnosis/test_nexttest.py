@@ -11,6 +11,7 @@ from msgspec import structs
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 from support.endtoend import PADS, call, one_line
+from support.exported_pad import write_fit
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
@@ -20,6 +21,7 @@ from qlvbayes.diagnosis.nexttest.information import Products, Readings, between,
 from qlvbayes.diagnosis.nexttest.planning import Goal, plan_tests
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.effects.catalogue import EVERY
+from qlvbayes.io.text import digest
 from qlvbayes.io.units import PAD
 from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.noisefloor import NoiseFloor
@@ -88,11 +90,7 @@ def test_an_amplitude_near_zero_keeps_its_moments_and_a_scale_those_of_its_logar
 
 
 def test_bits_are_those_of_the_textbook_and_what_one_may_take_is_not_known_of_another():
-    """One constant of slopes 1 and 2 in units of the noise: half log2 of 1 + 5, s = 5.
-
-    Of two with the same slopes the sum is known, each of them half in doubt:
-    M = [[1 + s, s], [s, 1 + s]] has the inverse's corner (1 + s)/(1 + 2 s).
-    """
+    """One constant of slopes 1 and 2 in units of the noise: half log2 of 1 + 5, s = 5."""
     found = products([[0.0, 0.0], [1.0, 2.0]])
     assert found.bits_for_constants(("a0",))[0] == pytest.approx(0.5 * np.log2(6.0))
     assert found.sds(0, np.array([[3.0]]))[0, 0] == pytest.approx(3.0 / np.sqrt(6.0))
@@ -105,7 +103,7 @@ def test_bits_are_those_of_the_textbook_and_what_one_may_take_is_not_known_of_an
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_distances_are_those_between_normals(seed):
     rng = np.random.default_rng(seed)
     one, two = rng.normal(size=(3, 5)), rng.normal(size=(4, 5))
@@ -124,7 +122,7 @@ def test_distances_are_those_between_normals(seed):
 
 
 @given(st.integers(0, 10_000), st.sampled_from(["abc", "aba"]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_bits_for_the_cause_lie_between_their_bounds(seed, causes):
     """Against Monte Carlo over the exact mixture: explanations 0 and 2 may be of one cause."""
     rng = np.random.default_rng(seed)
@@ -196,10 +194,7 @@ def test_the_cause_is_asked_for_by_all_bits_and_not_by_bits_a_minute():
 
 
 def test_the_closed_form_is_that_of_nested_monte_carlo(pad):
-    """Constants known to 3 % bend the forces little.
-
-    The probability of readings is an average over draws about the posterior of linear forces.
-    """
+    """Constants known to 3 % bend the forces little."""
     (one,), rng = pad.explanations, np.random.default_rng(0)
     record = READINGS.record([PRESS])
     blocks = type(record.blocks)(**{k: np.asarray(x)[0] for k, x in vars(record.blocks).items()})
@@ -253,7 +248,7 @@ def test_a_pad_has_recovered_when_its_modes_have():
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 5.0), st.floats(1.0, 100.0), st.floats(50.0, 5000.0))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_set_points_stay_within_the_rig(seed, depth, speed, acceleration):
     rig, recovery = Rig(depth, speed, acceleration), Belief((law([1.0]),)).recovery
     designs = draw_designs(rig, recovery, 120.0, 16, seed)
@@ -318,9 +313,7 @@ def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fitted")
-    call("fit", PADS, "-o", folder, "--pads", "B", "--method", "least-squares")
-    return folder
+    return write_fit(tmp_path_factory.mktemp("fitted"), source=PADS, sha256=digest(PADS))
 
 
 @pytest.mark.slow

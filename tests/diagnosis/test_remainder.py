@@ -41,6 +41,7 @@ def draws(shape, rms, count=2000, seed=3):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.few(2)
 def test_a_clear_structure_is_found_without_bias_and_below_its_bound_in_19_of_20(shape):
     rms, upper, _ = draws(shape, 0.03).T
     found, true = rms**2, 0.03**2
@@ -125,8 +126,3 @@ def test_structure_that_is_sure_but_small_does_not_make_a_pad_unexplained(ripple
     assert 0.0 < left.rms < 0.007  # the smooth part of the ripple
     peak = rippled.work.experiment.scales.force
     assert max(left.upper95, left.excess) > 1e-3 * peak  # a tenth of the tolerance it is not below
-    text = rippled.text()
-    assert "A systematic error is left that is certain but small" in text
-    assert f"{left.rms:.2g} N" in text
-    assert left.test in text
-    assert "1 % of the peak" in text

@@ -62,7 +62,7 @@ def force(model):
 
 
 @ALL
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_every_effect_keeps_the_rules(kind):
     check_effect(kind)
 
@@ -241,7 +241,7 @@ def test_a_lag_takes_all_forces_below_it_of_an_earlier_time():
 
 
 @EVERY
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_slopes_are_those_of_differences(kind):
     """Along every constant, in all tests, at a draw of the prior."""
     reference = conformance._reference(1.6, 0.0)

@@ -77,7 +77,7 @@ def test_the_force_is_the_simulators(paper_model, name, protocol, speed):
 @pytest.mark.parametrize(
     "together", SETS, ids=lambda names: "+".join(names) if len(names) < 9 else "all"
 )
-@pytest.mark.few(3)  # the first, the one with backlash and the last: every effect's own law
+@pytest.mark.few(2)  # the last has nearly every effect's own law
 def test_effects_nest_as_in_the_simulator(paper_model, together):
     effects = [drawn(name, 7) for name in together]
     platen = Platen(full_retraction_protocol(20.0), start_s=START, number=2)

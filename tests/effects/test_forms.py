@@ -76,6 +76,7 @@ def test_a_form_is_of_a_listed_family_one_is_enough_and_a_diagnosis_looks_for_th
          "must have the constants of friction, reach, strength"),
     ],
 )  # fmt: skip
+@pytest.mark.few(5)
 def test_a_broken_rule_is_named(of, changes, rule):
     with pytest.raises(EffectError, match=rule):
         check_effect(type("Broken", (of,), changes))
@@ -197,7 +198,7 @@ BETWEEN = {
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("case", BETWEEN)
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 def test_a_form_between_its_ends_solves_its_equation(paper_model, case, protocol):
     added, twins = BETWEEN[case]
     platen = Platen(PROTOCOLS[protocol](20.0), start_s=START, number=2)
@@ -248,7 +249,7 @@ OFF = [
 
 @pytest.mark.parametrize(("added", "twin"), OFF, ids=lambda x: type(x).__name__)
 @pytest.mark.parametrize("speed", [1.0, 20.0])
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_a_guide_acts_off_the_pad_too(paper_model, added, twin, speed):
     """Pulled off, to and fro by less and by more than the reach, and pressed again."""
     moves = [Move(x, speed) for x in (1.0, -0.3, -0.285, -0.1, 0.4)]

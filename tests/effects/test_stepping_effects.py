@@ -40,7 +40,7 @@ def test_every_effect_steps_or_is_refused():
 
 
 @pytest.mark.parametrize("name", INVERTED)
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_there_and_back(name, paper_model):
     model = paper_model("B") + effect(name)
     force = stepped(model, SHALLOW, DT)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.endtoend import PADS, call
 
+from qlvbayes.evaluation import store
 from qlvbayes.evaluation.session import RigSession, _of_programme
 from qlvbayes.evaluation.store import Store, code_digest, run_missing
 from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of
@@ -26,8 +27,8 @@ def test_finished_studies_are_not_run_again(tmp_path):
         return {"plan": PLAN, "index": index}
 
     key, path = PLAN, tmp_path / "a" / "store.jsonl"
-    run_missing(pretend, Store(path, key), range(2))
-    run_missing(pretend, Store(path, key), range(4), lambda *done: reported.append(done))
+    run_missing(pretend, Store(path, key), range(2), code="c")
+    run_missing(pretend, Store(path, key), range(4), lambda *x: reported.append(x), code="c")
     assert ran == [0, 1, 2, 3]
     assert reported == [(0, 2), (1, 2), (2, 2)]
     assert Store(path, key).missing(6) == [4, 5]
@@ -38,9 +39,8 @@ def test_finished_studies_are_not_run_again(tmp_path):
 def test_parts_of_several_processes_are_read_together_and_cut_lines_removed(tmp_path):
     path, key = tmp_path / "store.jsonl", PLAN
     for part in (0, 1):
-        store = Store(path, key, part)
-        store.add({"plan": PLAN, "index": part})
-        store.add({"plan": PLAN, "index": part + 2})
+        for index in (part, part + 2):
+            Store(path, key, part).add({"plan": PLAN, "index": index})
     cut = tmp_path / "store.jsonl.1"
     cut.write_text(cut.read_text()[:-30])
     assert sorted(Store(path, key).cases) == [0, 1, 2]
@@ -182,6 +182,7 @@ def pretend(self, study):
 
 def test_the_command_counts_and_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(Benchmark, "run", pretend)
+    monkeypatch.setattr(store, "code_digest", lambda: "c")  # to parse the package takes 2 s
     words = ("benchmark", "--effects", "friction,inertia", "-o", tmp_path, "--each")
     status, out, err = call(*words, "1", "--json")
     assert (status, err) == (0, "")

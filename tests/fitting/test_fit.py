@@ -119,10 +119,7 @@ def test_a_narrow_prior_wins_over_the_data():
 
 @pytest.mark.parametrize("method", ["least-squares", "two-step"])
 def test_least_squares_finds_the_constants_and_two_steps_underestimate_the_force(method):
-    """Eq. 9 on ramp and hold: the model's curve to 2 %, as correlated noise allows.
-
-    The fastest ramp takes 0.08 s, in which a pad of v_1 = 6.2/s relaxes: m e^b comes out low.
-    """
+    """Eq. 9 on ramp and hold: the model's curve to 2 %, as correlated noise allows."""
     found = fitted(method=method)
     summary = found.summary()
     assert (summary.sampler, summary.converged) == (method, True)

@@ -31,11 +31,7 @@ UNITS = {
 
 @pytest.fixture(scope="module")
 def arviz(tmp_path_factory):
-    """Give ArviZ imported as its users do, with a cache of its own.
-
-    On import 0.23 announces that 1.0 will differ, and keeps in the cache that it did: two
-    processes that import it at once trip over that file.
-    """
+    """Give ArviZ imported as its users do, with a cache of its own."""
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("arviz")))
         warnings.simplefilter("ignore")

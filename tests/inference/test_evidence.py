@@ -90,6 +90,7 @@ def dense_loss(experiment, density, point, size, kept=(0, 1, 2, 3, 4, 5)):
 
 
 @pytest.mark.parametrize("size", [0.0, 0.01, 0.4])
+@pytest.mark.few(2)
 def test_density_is_that_of_the_whole_covariance(experiment, density, space, size):
     hypothesis = Hypothesis("exponential", "prony:2", frozenset({"viscous_drag"}))
     point = density.at(hypothesis, thetas(space, hypothesis, 1)[0])

@@ -113,7 +113,7 @@ def test_of_every_effect(space, effect):
 
 
 @pytest.mark.parametrize("effects", PAIRS, ids="+".join)
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 def test_of_pairs(space, effects):
     check(space, "hertz", "prony:2" if len(effects) > 1 else "fung", effects)
 

@@ -42,6 +42,7 @@ TRUTH = LOG + np.log(1.5)
 
 
 @pytest.mark.parametrize("widened", [0.5, 1.0, 2.0])
+@pytest.mark.few(2)
 def test_integral_is_met_within_its_error_as_often_as_that_says(widened):
     centre = [(0.3, -1.0, 2.0)]
     density = Pretended(centre)

@@ -34,6 +34,7 @@ def mean_of_bracket(density, low):
     ("mean", "sd"),
     [(-0.004, 0.004), (0.0, 0.0005), (0.0, 0.03), (0.003, 0.004), (0.02, 0.0005), (0.1, 0.03)],
 )
+@pytest.mark.few(6)
 def test_the_closed_form_is_the_ratio_of_two_integrals(prior, mean, sd):
     low = 0.0 if isinstance(prior, HalfNormal) else -2.0
     after = mean_of_bracket(norm(mean, sd).pdf, low)

@@ -142,7 +142,7 @@ def columns_of_a_test(draw):
     return np.cumsum(steps), grows, force, sd
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(written_studies())
 def test_what_is_written_in_any_unit_is_read_back(case):
     text, wanted = case

@@ -6,7 +6,6 @@ import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -14,7 +13,6 @@ from hypothesis import strategies as st
 from support.machine_files import FIXTURES, of_layout
 
 from qlvbayes.diagnosis.decision import Weight, decide
-from qlvbayes.effects.contacts import Adhesion
 from qlvbayes.io import apart
 from qlvbayes.io.apart import ApartError, read_apart
 from qlvbayes.io.checks import InputError
@@ -22,9 +20,6 @@ from qlvbayes.io.conversion import convert
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.loading import Answers
 from qlvbayes.io.readings import no_readings
-from qlvbayes.laws.motion import Motion
-from qlvbayes.motion.freeknots import _merged
-from qlvbayes.motion.splines import Joints
 
 BROKEN = Path(__file__).parents[3] / "shared" / "records" / "broken"
 RECORD = np.concatenate([np.linspace(0.0, 1.2, 40), np.full(40, 1.2)])
@@ -98,14 +93,9 @@ def refusal(read, file):
     return None
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not BROKEN.is_dir(), reason="the broken records are not here")
-@pytest.mark.parametrize(
-    "file",
-    [
-        pytest.param(file, marks=pytest.mark.slow if file.stem == "hang" else (), id=file.name)
-        for file in sorted(BROKEN.glob("*.*"))
-    ],
-)
+@pytest.mark.parametrize("file", sorted(BROKEN.glob("*.*")), ids=lambda file: file.name)
 def test_broken_files_are_read_or_refused(file, monkeypatch):
     monkeypatch.setattr(apart, "TIME_S", 1.0 if file.stem == "hang" else 4.0)
     if file.suffix == ".md":
@@ -150,22 +140,6 @@ def test_a_hurt_file_is_read_or_refused(tmp_path, fixture, seed):
         assert np.isfinite(test.force).all()
 
 
-class Pulled:
-    """A force law below adhesion that pulls."""
-
-    def force(self, motion):
-        return jnp.asarray([-5.0, -1e-3, -1e-300, 0.0, 2.0])
-
-
-@pytest.mark.parametrize("strength", [0.0, 5e-324, 1e-310, 1e-300, 1e-160, 1e-20, 1e-3, 1.0])
-def test_adhesion_of_any_strength_is_a_number(strength, monkeypatch):
-    monkeypatch.setattr("qlvbayes.effects.contacts.touching", lambda motion: motion)
-    force = np.asarray(Adhesion(strength).force(Pulled(), Motion))
-    assert np.isfinite(force).all()
-    assert force[-1] == 2.0
-    assert (force[:-1] <= 0.0).all()
-
-
 LAWS = ("exponential", "prony:2")
 NAMED = Weight(LAWS, frozenset({"friction"}), 0.0, 0.01)
 PLAIN = Weight(LAWS, frozenset(), -9.0, 0.01)
@@ -178,14 +152,3 @@ def test_a_hypothesis_without_a_number_takes_no_part_in_the_decision(log):
     assert not lost.counts
     assert with_it.inclusion.pop("inertia") == 0.0
     assert replace(with_it, base={}) == replace(without, base={})
-
-
-def test_the_ends_of_a_movement_stay_however_close():
-    ends = np.array([0.0100, 0.0101])
-    found = _merged(
-        Joints(ends, np.array([True, True]), None, None),
-        ends,
-        np.array([True, True]),
-        np.array([0.0, 0.0099, 0.2, 0.3]),
-    )
-    assert found.knots.tolist() == ends.tolist()

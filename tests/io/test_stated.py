@@ -1,7 +1,6 @@
 """What files of strangers state, lack and show: pads, clocks, signs, units, remedies."""
 
 import re
-from pathlib import Path
 from shutil import copy
 
 import numpy as np
@@ -66,6 +65,7 @@ def test_specimens_above_the_tables_are_pads_and_dates_their_clock(tmp_path):
 
 
 @pytest.mark.parametrize("more", [(), ("Operator\tKV",)])
+@pytest.mark.few(1)
 def test_files_that_differ_are_one_pad_only_with_a_remark_whose_remedies_work(tmp_path, more):
     files = [
         written(tmp_path, "silicone_v1.txt", GERMAN),
@@ -219,7 +219,6 @@ def test_a_column_that_lacks_is_named_alone_and_the_remedy_works(tmp_path):
         read_measurements(path)
 
 
-STRANGERS = Path(__file__).parents[3] / "shared" / "records" / "strangers"
 NAMES = "Time (s),Displacement (mm),Force (N)"
 TEST = pressed(hold=1.0, rate=50.0)
 
@@ -276,26 +275,6 @@ def test_names_of_a_speed_are_no_mean_specimen():
 )  # fmt: skip
 def test_a_quotient_of_units_is_no_name_over_its_unit(cell, name, unit):
     assert split_header(cell) == (name, unit)
-
-
-@pytest.mark.skipif(not STRANGERS.is_dir(), reason="the strangers' records are not here")
-def test_the_kept_records_of_strangers():
-    blocks = [STRANGERS / f"{name}.csv" for name in ("one_test", "two_blocks", "three_blocks")]
-    first, *others = (convert([path]).tests for path in blocks)
-    for same in others:
-        np.testing.assert_array_equal(same[0].displacement, first[0].displacement)
-        np.testing.assert_array_equal(same[0].force, first[0].force)
-    with pytest.raises(InputError, match="largest where the test begins"):
-        convert([STRANGERS / "retract.csv"])
-    assert len(convert([STRANGERS / "two_units.csv"]).tests) == 1
-    zeros = [STRANGERS / "zeros" / f"{name}.csv" for name in "ABC"]
-    assert convert(zeros).tests[-1].zero == convert(zeros[-1:]).tests[0].zero == 0.0
-    weights = [STRANGERS / f"dead_weight{more}.csv" for more in ("", "_control")]
-    plain, stated = (read_measurements(path).pads[0].tests[0] for path in weights)
-    assert plain.control == stated.control == Control.FORCE
-    assert len(convert([STRANGERS / "no_x_column.lvm"]).tests[0].time) == 486
-    with pytest.raises(InputError, match="there is no time"):
-        read_measurements(STRANGERS / "no_time.txt")
 
 
 def test_tidy_files_of_a_test_each_are_joined_to_one_of_a_pad(tmp_path):

@@ -125,7 +125,7 @@ def test_step_is_exact_where_stiffening_and_decay_cancel_and_for_hertz_of_power_
 
 
 @pytest.mark.parametrize("kind", KNOWN.elastic, ids=lambda kind: kind.name)
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_every_elastic_law_keeps_the_rules(kind):
     check_law(kind)
 

@@ -97,7 +97,7 @@ def test_slopes_are_those_of_the_law(kind, constants, exact):
 
 
 @pytest.mark.parametrize("kind", LAWS.relaxation, ids=lambda kind: kind.name)
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_every_relaxation_keeps_the_rules(kind):
     check_law(kind)
     check_law(kind, Scales(100.0, 5.0, 0.2, 2000.0, 1.0, 1.0, 1.0))

@@ -34,6 +34,7 @@ def of(*tests):
 
 @pytest.mark.parametrize("back", [True, False])
 @pytest.mark.parametrize("along", [0.035, -0.05, 0.1])
+@pytest.mark.few(3)
 def test_a_slope_is_taken_off_and_told_with_its_error(along, back):
     test, level = a_test(along, back=back), a_test(back=back)
     pad, notices = of(test)

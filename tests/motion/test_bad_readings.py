@@ -10,8 +10,7 @@ from support.solids import kinds, made_ready, solid
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Test, read_measurements
-from qlvbayes.io.units import PAD
-from qlvbayes.motion.clean import left_out_notice, sound_tests
+from qlvbayes.motion.clean import sound_tests
 from qlvbayes.motion.outliers import outlying
 
 SHARED = Path(__file__).parents[3] / "shared"  # measurements of others
@@ -89,13 +88,6 @@ def test_a_reading_that_both_sides_and_the_other_channel_contradict_is_left_out(
     (bad,) = found(spoiled(sound, channel, places, values))
     assert np.flatnonzero(bad.mask).tolist() == places
     assert set(bad.reason) == {f"{kind} {channel}"}
-
-
-def test_a_lost_row_is_one_in_both_channels():
-    row = spoiled(spoiled(pressed(), "displacement", [HOLD], 0.0), "force", [HOLD], 0.0)
-    (bad,) = found(row)
-    assert np.flatnonzero(bad.mask).tolist() == [HOLD]
-    assert bad.reason.tolist() == ["lost both"]
 
 
 def test_the_first_reading_of_a_record_that_begins_amid_a_hold_and_its_clock_stays():
@@ -217,6 +209,7 @@ def test_coarse_steps_and_thinned_records_stay(every, encoder, step):
 
 
 @pytest.mark.parametrize("folder", ["real", "away", "records"])
+@pytest.mark.few(1)
 def test_of_measurements_only_what_was_lost_is_left_out(folder):
     if not (SHARED / folder).is_dir():
         pytest.skip(f"shared/{folder} is not here")
@@ -268,19 +261,6 @@ def test_too_many_are_refused_by_name():
     assert sound_tests([many], keep_all=True) == [(many, None)]
 
 
-def test_the_notice_names_test_time_and_count():
-    bad = spoiled(pressed(), "displacement", [HOLD, HOLD + 500], 0.0)
-    spike = spoiled(pressed(name="2"), "force", [HOLD], 9.99)
-    (notice,) = made_ready(bad, spike).notices
-    assert notice.startswith(
-        "pad p: test 1mm/s: two readings of displacement at 10 and 15 s (0 mm amid 1.6 mm); "
-        "test 2: one reading of force at 10 s (9.99 N amid "
-    )
-    assert "three readings are left out" in notice
-    assert "--keep-all-readings" in notice
-    assert left_out_notice("P", [("1", None)], PAD) == ()
-
-
 def test_a_trial_has_neither_the_reading_nor_its_trace():
     sound, bad = pressed(), spoiled(pressed(), "displacement", [HOLD], 0.0)
     (trial,) = made_ready(bad).trials
@@ -295,6 +275,6 @@ def test_a_trial_has_neither_the_reading_nor_its_trace():
 
 def test_sound_noise_has_no_outliers():
     """So that a floor measured without them is the one measured before."""
-    for seed in range(20):
+    for seed in range(10):
         force = 1.0 + 0.5 * np.exp(-0.3 * TIME) + noise(TIME.size, seed)
         assert not outlying(TIME, force).any()

@@ -249,13 +249,14 @@ def test_constants_are_found_where_tests_from_rest_would_bend_them():
 
 
 def test_the_share_that_is_told_is_that_of_the_equations():
-    fit = fitted(False)
-    constants = np.median(fit.constants.reshape(-1, fit.constants.shape[-1]), axis=0)[None]
+    whole = experiment()
+    posterior = build_posterior(whole, Choices(noise="white"), whole.trials)
+    constants = np.array([[SLOW.m, SLOW.b, *SLOW.c, *SLOW.v, NOISES["white"].white]])
 
     def predict(record):
-        return fit.posterior.over(record).forces(constants)[0]
+        return posterior.over(record).forces(constants)[0]
 
-    _, second = carryovers(fit.experiment, fit.trials, fit.posterior.record, predict)
+    _, second = carryovers(whole, whole.trials, posterior.record, predict)
     with_it, without = (measured(carried=c).tests[2].force for c in (True, False))
     # the noise of both is the same
     true = np.max(np.abs(with_it - without)) / np.max(measured().tests[1].force)

@@ -104,6 +104,7 @@ def test_drift_of_the_force_is_no_noise():
 
 
 @pytest.mark.parametrize("readings", [28, 40, 70])
+@pytest.mark.few(2)
 def test_a_quick_relaxation_that_few_readings_show_is_no_noise(readings):
     """It takes 0.16 s in a dwell of 30 s, and is first read after 0.05 s."""
     spread = np.geomspace(50, 29_990, readings).astype(int)
@@ -337,7 +338,7 @@ def dwells(draw):
     return record, (Phase("ramp", -ramp, 0.0), *rests)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.lists(dwells(), min_size=1, max_size=4), st.sampled_from([0.0, 1e-3]))
 def test_every_floor_is_finite_and_not_negative(tests, of_a_step):
     records, phases = zip(*tests, strict=True)

@@ -48,6 +48,7 @@ def test_the_four_phases_of_a_test():
 
 
 @pytest.mark.parametrize("speed", [0.1, 7.3])
+@pytest.mark.few(1)
 def test_a_staircase_up_and_down(speed):
     at = np.append(0.0, np.cumsum([0.2 / speed, 3.0] * 10))
     depths = np.repeat(np.cumsum([0.0] + [0.2] * 5 + [-0.2] * 5), 2)[1:]
@@ -70,6 +71,7 @@ def rounded(t, x, step=1e-4):
     ("size", "tau", "until"),
     [(0.02, 1.0, 40.0), (0.025, 5.0, 40.0), (0.04, 5.0, 40.0), (0.06, 2.0, 40.0), (0.06, 5.0, 8.0)],
 )
+@pytest.mark.few(3)
 def test_a_platen_that_creeps_back_is_held(size, tau, until):
     t = np.arange(0.0, until, 0.02)
     x = np.interp(t, [0.5, 1.5], [0.0, 2.0]) - relaxed(t, 1.5, size, tau)
@@ -88,6 +90,7 @@ def test_a_platen_that_creeps_in_after_it_came_back_recovers():
 
 
 @pytest.mark.parametrize(("way", "step"), [(0.5, ["ramp", "hold"]), (-0.5, ["unload", "recovery"])])
+@pytest.mark.few(1)
 def test_steps_after_each_of_which_the_platen_creeps_back(way, step):
     t = np.arange(0.0, 60.0, 0.02)
     x = sum(
@@ -98,7 +101,7 @@ def test_steps_after_each_of_which_the_platen_creeps_back(way, step):
 
 @pytest.mark.parametrize("size", [0.03, 0.06, 0.2])
 @pytest.mark.parametrize("lasting", [10.0, 38.0])
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 def test_a_slow_way_back_that_is_meant_is_no_creep(size, lasting):
     """At a steady speed, or by half a cosine: both lie as much in their last half as before."""
     t = np.arange(0.0, 22.0 + lasting, 0.02)
@@ -125,7 +128,7 @@ def test_a_record_at_rest_is_one_hold():
         loading_rate(motion, phases)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.floats(0.2, 50.0), st.floats(0.5, 3.0))
 def test_loading_rate_is_the_speed_of_the_ramp(speed, stroke):
     lasts = stroke / speed
@@ -149,24 +152,14 @@ def real(name, depth, every):
 
 
 def test_measured_muscle_is_ramp_and_hold_at_its_stated_duration():
-    for _, test, motion, phases in real("muscle_ramps.csv", "strain", 3):
+    for _, test, motion, phases in real("muscle_ramps.csv", "strain", 6):
         assert kinds(phases) == ["ramp", "hold"], test
         duration = float(test.rsplit("-", 1)[1].removesuffix("s"))
         assert phases[0].stop == pytest.approx(duration, rel=0.01)
         assert loading_rate(motion, phases) == pytest.approx(0.2258 / duration, rel=0.01)
 
 
-def test_measured_adhesive_staircases():
-    for pad, test, _, phases in real("adhesive_shear.csv", "displacement_mm", 4):
-        if pad == "stairs":
-            # The records end with the fifth ramp.
-            assert kinds(phases) == ["ramp", "hold"] * 4 + ["ramp"], test
-        else:
-            up, down = ["ramp", "hold"] * 5, ["unload", "recovery"] * 4 + ["unload"]
-            assert kinds(phases) == up + down, test
-
-
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     start=st.floats(0.4, 0.5),
     depth=st.floats(3.0, 7.0),

@@ -15,7 +15,7 @@ from qlvbayes.fitting.results import RunLog
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import alone_in
 from qlvbayes.model.choices import Choices
-from qlvbayes.parallel.engines import engine_of, opened_engine
+from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.running import FailedError, Fault
 from qlvbayes.pipeline.derived import draw_constants
 from qlvbayes.pipeline.looking import look_into
@@ -46,8 +46,9 @@ def files(out):
 
 @pytest.fixture(scope="module")
 def two():
-    with opened_engine(2) as engine:
-        yield engine
+    """As good as processes, which start slowly: tests/parallel has these."""
+    with ThreadPoolExecutor(2) as executor:
+        yield engine_of(executor)
 
 
 def test_a_bad_pad_stops_nothing_and_is_named(tmp_path, two):

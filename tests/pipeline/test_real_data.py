@@ -68,12 +68,12 @@ def test_muscles_measured_sds_weigh_its_samples():
     assert 1.0 < weight.max() / weight.min() <= ratio * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
 @pytest.mark.parametrize(("data", "pads"), [(MUSCLE, 3), (ADHESIVE, 2)])
-def test_every_pad_has_phases_and_a_noise_floor(data, pads, every):
+def test_every_pad_has_phases_and_a_noise_floor(data, pads):
     found = read_measurements(data).pads
     assert len(found) == pads
-    for pad in found if every else found[:1]:
+    for pad in found:
         experiment = ready(data, pad.name)
         peak = max(np.max(np.abs(t.test.force)) for t in experiment.trials)
         assert 0.0 < experiment.floor.total < 0.05 * peak

@@ -12,7 +12,6 @@ from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.parallel.running import Fault, Shard
 from qlvbayes.pipeline.source import KEPT, Source, pad_of
 
-SHARED = Path(__file__).parents[3] / "shared" / "records"  # made by others
 QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
 
 
@@ -81,26 +80,20 @@ def test_what_would_go_to_one_folder_is_refused(tmp_path):
         Source.from_files(tmp_path / "none")
 
 
-def test_later_steps_read_what_was_read_from_its_tidy_copy(stage, source, tmp_path):
-    """The copy has the same tests, and a check of the fit finds them there."""
+def test_later_steps_read_what_was_read_from_its_tidy_copy(source, tmp_path):
     after = source.kept(tmp_path)
     assert Path(after.read.source) == tmp_path / KEPT
     for one, other in zip(source.read.pads[0].tests, after.read.pads[0].tests, strict=True):
         assert (one.name, one.contact_stage) == (other.name, other.contact_stage)
         assert np.allclose(one.force, other.force, atol=1e-8)
     assert after.read.sha256 == source.read.sha256
+
+
+@pytest.mark.slow
+def test_a_check_of_a_fit_finds_the_tests_in_the_copy(stage, tmp_path):
     status, out, err = call("fit", stage, "-o", tmp_path / "out", *QUICK, "--pad", "stay")
     assert status == 0, err
     assert out.startswith("read: pad stay of 3 tests")
     assert call("check", tmp_path / "out")[0] == 0
     cells = read_json(tmp_path / "out" / "stay" / "check.json")["cells"]
     assert {cell["test"] for cell in cells} == {"at_0.5", "at_10", "at_2"}
-
-
-@pytest.mark.skipif(not (SHARED / "film_stage").is_dir(), reason="not handed over")
-def test_the_stage_that_was_handed_over_is_one_pad():
-    (pad,) = Source.from_files(SHARED / "film_stage").read.pads
-    assert len(pad.tests) == 5
-    (contact,) = {float(test.contact_stage) for test in pad.tests}
-    (sd,) = {test.contact_sd for test in pad.tests}
-    assert abs(contact - 12.412) < 3.0 * sd

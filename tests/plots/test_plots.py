@@ -139,7 +139,7 @@ def test_failing_cells_and_only_they_are_framed():
 
 
 @every_protocol
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_the_map_of_any_protocol_stays_on_the_page(predictions):
     found = check("B", NOISE, predictions)
     for noise, width in ((NOISE, 120.0), (0.0, 85.0), (1e-7, 120.0)):

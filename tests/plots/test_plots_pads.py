@@ -167,7 +167,7 @@ every_figure = pytest.mark.parametrize("name", DRAWN)
 
 @every_page
 @every_figure
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 def test_nothing_leaves_the_page_and_no_text_runs_into_another(name, width):
     figure = page(name, width)
     assert keeps_the_page(figure, width)

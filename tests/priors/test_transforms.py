@@ -16,7 +16,7 @@ from qlvbayes.priors.joint import (
 )
 
 NUMBER = st.floats(-8.0, 8.0)
-QUICK = settings(max_examples=40, deadline=None, derandomize=True)
+QUICK = settings(max_examples=15, deadline=None, derandomize=True)
 ENDS = [(None, None), (-1.5, None), (None, 0.7), (-1.5, 0.7)]  # the last by an interval
 
 

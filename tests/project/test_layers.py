@@ -1,6 +1,7 @@
 """Modules import only from the layers above their own."""
 
 import ast
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -54,13 +55,18 @@ def entry_of(module):
     return module[1] if len(module) > 1 else FRONT
 
 
+@cache
+def tree(path):
+    return ast.parse(path.read_text())
+
+
 def imports(path):
     """(importer, imported) entries of one file, wherever in it the import stands."""
     module = ("qlvbayes", *path.relative_to(ROOT).with_suffix("").parts)
     package = module[:-1]
     if path.name in FRONTS:
         module = package
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             found = [tuple(alias.name.split(".")) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -76,7 +82,11 @@ def imports(path):
 
 
 FILES = sorted(ROOT.rglob("*.py"))
-IMPORTS = sorted({pair for path in FILES for pair in imports(path)})
+
+
+@cache
+def every_import():
+    return sorted({pair for path in FILES for pair in imports(path)})
 
 
 def test_every_module_is_in_exactly_one_layer_and_its_tests_in_a_folder_of_its_name():
@@ -91,11 +101,11 @@ def test_every_module_is_in_exactly_one_layer_and_its_tests_in_a_folder_of_its_n
 def test_imports_point_upward_only_and_the_simulator_shares_nothing():
     wrong = [
         f"{importer} imports {imported}"
-        for importer, imported in IMPORTS
+        for importer, imported in every_import()
         if importer != FRONT and PLACE[imported] >= PLACE[importer]
     ]
     assert not wrong
-    assert {imported for importer, imported in IMPORTS if importer == "simulate"} <= {"io"}
+    assert {imported for importer, imported in every_import() if importer == "simulate"} <= {"io"}
 
 
 def test_files_motion_and_simulator_need_no_jax():
@@ -110,7 +120,7 @@ def test_files_motion_and_simulator_need_no_jax():
     for path in plain:
         names = [
             getattr(node, "module", None) or alias.name
-            for node in ast.walk(ast.parse(path.read_text()))
+            for node in ast.walk(tree(path))
             if isinstance(node, (ast.Import, ast.ImportFrom))
             for alias in node.names
         ]
@@ -123,7 +133,7 @@ def test_no_module_imports_itself_in_a_circle():
     for path in FILES:
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
         found = set()
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("qlvbayes."):
                 base = node.module.removeprefix("qlvbayes.")
                 found |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
@@ -143,7 +153,7 @@ def test_a_step_is_done_again_after_a_change_of_what_it_computes_with_and_of_not
     ):
         needed, new = {folder}, {folder}
         while new:
-            new = {imported for importer, imported in IMPORTS if importer in new} - needed
+            new = {imported for importer, imported in every_import() if importer in new} - needed
             needed |= new
         alone = {path.stem for path in ROOT.glob("*.py")}  # count for every step
         assert needed - alone <= set(step.code), step

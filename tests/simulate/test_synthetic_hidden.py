@@ -48,6 +48,7 @@ def force_of(*effects, platen, times, constants=B, **options):
 
 @pytest.mark.parametrize("bonded", [False, True])
 @pytest.mark.parametrize("protocol", [paper_protocol, full_retraction_protocol])
+@pytest.mark.few(2)
 def test_without_effects_it_is_the_pad(protocol, bonded):
     rng = np.random.default_rng(3)
     for constants in (B, draw_constants(rng), Constants(0.5, 0.6, (1.0,))):
@@ -66,7 +67,7 @@ def test_without_effects_it_is_the_pad(protocol, bonded):
         ("adhesion", "friction", "channel_lag"),
     ],
 )
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 def test_finer_cells_and_another_order_change_nothing(names):
     platen, times = paired(full_retraction_protocol)
     effects = [effect(name) for name in names]
@@ -90,7 +91,7 @@ def bare():
 
 
 @pytest.mark.parametrize("name", EVERY)
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 def test_drawn_effects_have_the_size_asked_for(name, bare):
     on_return = name in ("stress_softening", "exponential_softening", "adhesion")
     protocol = full_retraction_protocol if on_return else paper_protocol

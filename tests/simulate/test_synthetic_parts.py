@@ -63,7 +63,7 @@ def protocol(rate: float) -> Platen:
 
 
 @given(program=PROGRAMS, limit=st.floats(10.0, 5000.0))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_motion_is_continuous_and_within_speed_and_acceleration(program, limit):
     try:
         platen = Platen(tuple(program), acceleration_limit=limit)

@@ -92,10 +92,7 @@ def described(folder, *names):
 
 
 def missed(pressed, force):
-    """Return the errors of a force: rms and largest over the test's peak, and rms in holds.
-
-    Test by test and phase by phase, each counting alike.
-    """
+    """Return the errors of a force: rms and largest over the test's peak, and rms in holds."""
     rms, still, largest = [], [], 0.0
     for i, cell in enumerate(pressed.cells):
         inside = pressed.cell == i

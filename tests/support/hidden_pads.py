@@ -4,7 +4,6 @@ import json
 
 import pytest
 from blind.study import measured
-from msgspec.structs import replace
 
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.effects.catalogue import find
@@ -26,11 +25,6 @@ def hidden_pad(
     programs = {f"{rate:g}": protocol(rate) for rate in rates}
     pads = {"B": HiddenPad(constants, effects)}
     return prepare(measured(record_study(pads, programs, NOISES["correlated"], seed, _ROWS), "B"))
-
-
-def with_changes(found: Diagnosis, **changes) -> Diagnosis:
-    """The same diagnosis with other things said of it."""
-    return Diagnosis(replace(found.result, **changes), found.work)
 
 
 def keeps_diagnosis_contract(found: Diagnosis):

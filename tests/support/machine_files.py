@@ -23,10 +23,7 @@ class Pressed:
 
 
 def pressed(approach=0.4, depth=1.2, speed=2.0, hold=2.0, rate=200.0, seed=1, noise=0.002):
-    """A pad of exponential law and one relaxation mode, approached and pressed, then held.
-
-    Stepped by exponential integration of dq = K dd - v q dt between the samples.
-    """
+    """A pad of exponential law and one relaxation mode, approached and pressed, then held."""
     m, b, c, v = 0.4, 1.1, 0.6, 3.0
     ramp = (approach + depth) / speed
     time = np.arange(int(rate * (ramp + hold))) / rate

@@ -15,10 +15,7 @@ class WithJumps:
     """A motion that has ``jumps``, times at which velocity or acceleration jump, and ``at``."""
 
     def away(self, t, samples, step):
-        """(n,) False at the ``samples`` readings on either side of a jump, and until it shows.
-
-        A jump of velocity or acceleration shows when it has moved the reading by two encoder steps.
-        """
+        """(n,) False at the ``samples`` readings on either side of a jump, and until it shows."""
         clear = np.ones(t.size, dtype=bool)
         for jump in self.jumps:
             (_, _), (v0, v1), (a0, a1) = (y for y in self.at(jump + np.array([-1e-7, 1e-7])))

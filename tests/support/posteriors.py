@@ -20,10 +20,7 @@ def table_1(pad):
 
 
 def posterior(truth, rng, widths=WIDTHS, size=300, *, centred=False):
-    """Log-normal draws as a right inference would give, whose centres miss the truth as well.
-
-    ``centred``: they do not, so that what follows is the same for every seed.
-    """
+    """Log-normal draws as a right inference would give, whose centres miss the truth as well."""
     off = 0.0 if centred else 1.0
     draws = {
         name: value

@@ -46,11 +46,7 @@ def join_programs(
 
 
 def record_sequence(material, programs, noise, seed, *, pause_s, continuous, max_rows):
-    """Run the programs one after another on one pad; tests are named 'pad-program'.
-
-    Noise is drawn for all samples of a test, kept or not; forces are solved along all tests and
-    pauses, or every test is begun on a rested pad.
-    """
+    """Run the programs one after another on one pad; tests are named 'pad-program'."""
     programs = {name: tuple(program) for name, program in programs.items()}
     whole, parts = join_programs(programs, pause_s), []
     for begin, end in zip(whole.begins, whole.ends, strict=True):

@@ -6,10 +6,7 @@ from support.machine_files import Pressed
 
 
 def film_press(speed, seed, *, eta=0.004, power=1.0, noise=0.003, step=0.0, approach=0.3):
-    """A pad pressed to 1.5 mm under a film of drag eta v / (1 - d/3.5)^3, 200 Hz, contact at 0.
-
-    eta: N s/mm; power: of depth with which the force begins; noise and step of the force in N.
-    """
+    """A pad pressed to 1.5 mm under a film of drag eta v / (1 - d/3.5)^3, 200 Hz, contact at 0."""
     rng = np.random.default_rng(seed)
     rate = 200.0
     time = np.arange(int(rate * (0.5 + (approach + 1.5) / speed + 2.0))) / rate

@@ -41,6 +41,7 @@ def test_relaxation_is_the_spectrums(pad):
 
 
 @pytest.mark.parametrize("law", ["spline", "toe", "polynomial:3"])
+@pytest.mark.few(2)
 def test_the_stiffness_is_the_law_s_own(tmp_path, pad, law):
     """Two pads of one relaxation differ in it alone, also where a law has a fixed field."""
     other = exported(tmp_path, Choices(elastic=law), spread=0.0)

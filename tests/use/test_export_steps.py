@@ -255,17 +255,21 @@ def test_a_users_own_effect_goes_along(compiled, tmp_path):
 @pytest.mark.parametrize(
     ("name", "why"), [("inertia", "acceleration"), ("sorting", "sort"), ("looping", "scan")]
 )
+@pytest.mark.few(2)
 def test_what_does_not_step_is_left_out_and_says_why(name, why, tmp_path):
     (tmp_path / "own.py").write_text(OWN)
     choices = Choices(effects=(name, "viscous_drag"), effects_file=str(tmp_path / "own.py"))
-    with pytest.raises(InputError, match="spline"):
-        CHeader().files(exported(tmp_path / "spline", Choices(elastic="spline")), None)
-    pad = exported(tmp_path, choices)
+    pad = exported(tmp_path, choices, draws=2)
     assert pad.effects == ("viscous_drag",)
     assert why in pad.left_out[name]
     text = " ".join(CHeader().files(pad, None)["pad_B.h"].decode().replace("*", "").split())
     assert f"{name}: {pad.left_out[name]}" in text
     assert "Effect viscous_drag: F += eta v" in text
+
+
+def test_a_law_that_does_not_step_is_refused(tmp_path):
+    with pytest.raises(InputError, match="spline"):
+        CHeader().files(exported(tmp_path, Choices(elastic="spline"), draws=2), None)
 
 
 SCRIPT = """

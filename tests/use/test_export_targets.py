@@ -71,17 +71,22 @@ def pads(tmp_path_factory):
 
 @pytest.mark.parametrize(("verdict", "told"), [("partly_explained", True), ("adequate", False)])
 def test_a_model_that_a_diagnosis_found_wanting_says_so(tmp_path, verdict, told):
-    exported(tmp_path)
+    write_fit(tmp_path)
     write(tmp_path / "B" / "diagnosis.json", diagnosis("B", verdict))
-    pad = read_pad(tmp_path, "B", draws=16, date=DATE)
+    pad = read_pad(tmp_path, "B", draws=2, date=DATE)
     assert ("more is there than" in text_of(find("c")().files(pad, BLOCK))) is told
 
 
+@pytest.fixture(scope="module")
+def dragged(tmp_path_factory):
+    source, choices = "/home/me/secret/pads.csv", Choices(effects=("viscous_drag",))
+    return exported(tmp_path_factory.mktemp("dragged"), choices, source=source)
+
+
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
-def test_every_target_says_units_date_range_intervals_and_limits(tmp_path, target):
+def test_every_target_says_units_date_range_intervals_and_limits(dragged, target):
     """And of the file that was fitted its name, not where it lies on this machine."""
-    source = "/home/me/secret/pads.csv"
-    pad = exported(tmp_path, Choices(effects=("viscous_drag",)), source=source)
+    pad = dragged
     said = text_of(target().files(pad, BLOCK))
     for words in ("displacement mm", "force N", DATE, "1.6 mm", "0.1 to 40 mm/s", "30 s, 6 tests"):
         assert words in said
@@ -116,6 +121,7 @@ def test_materials_say_that_a_pad_is_a_structure(pads, target):
 
 @pytest.mark.parametrize("relaxation", ["prony", *RELAXATION])
 @pytest.mark.parametrize("law", ["linear", "exponential"])
+@pytest.mark.few(5)
 def test_abaqus(pads, law, relaxation):
     pad = pads(law, relaxation)
     text = Abaqus().files(pad, BLOCK)["pad_B.inp"].decode()
@@ -208,6 +214,7 @@ def test_the_prony_table_relaxes_like_the_pad_in_both_forms(pads, relaxation):
 
 
 @pytest.mark.parametrize("units", [("1", "kPa"), ("1", "Pa")])
+@pytest.mark.few(1)
 def test_stress_over_strain_is_a_modulus_already_and_stiffness_is_one_in_any_units(tmp_path, units):
     stiff = {"mm": {}, "um": {"units": ("um", "mN")}}  # 1 mN/um = 1 N/mm
     linear = [exported(tmp_path / k, Choices(elastic="linear"), **x) for k, x in stiff.items()]

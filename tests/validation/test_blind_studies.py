@@ -57,7 +57,8 @@ def test_a_registered_run_makes_its_old_studies_again():
     assert peak == pytest.approx(quickest["peak_N"], rel=1e-14)
 
 
-def test_a_new_registration_has_disturbed_records_and_an_old_one_none():
+def test_a_new_registration_has_disturbed_records_and_an_old_one_none(monkeypatch):
+    monkeypatch.setattr(registration, "code_digest", lambda: "this")  # the package is not parsed
     new = Registration.of_present("some", 1, 5)
     assert new.population == Population(1, disturbed=True)
     later = replace(new, lists=new.lists | {"forms": new.lists["forms"][:-1]})
@@ -282,6 +283,7 @@ def test_gas_dissolves_as_its_equation_says():
     assert added == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_effect_of_a_study_counts():
     """The first study with one listed effect, three tests and a thinned record."""
     wanted = {"logger": "thinned", "history": "rested", "kind": "single", "protocol": "three_tests"}
@@ -357,6 +359,7 @@ def test_bounds_are_those_of_clopper_and_pearson():
 
 def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(registration, "FOLDER", tmp_path)
+    monkeypatch.setattr(registration, "code_digest", lambda: "this")
     registered = Registration.of_present("a", 1, 10)
     registered.write()
     assert Registration.read("a") == registered

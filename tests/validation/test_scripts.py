@@ -191,6 +191,7 @@ def test_errors_that_rise_and_falls_over_the_tests():
     assert paired(np.ones(1), np.ones(1)) == (None, None)
 
 
+@pytest.mark.slow
 def test_least_squares_leaves_least_whatever_it_begins_from():
     """From a fit that is far off, the same as from the fit under coarse noise."""
     experiment = prepare(make_study(Registration.read("bounds").population, 283).pad)
