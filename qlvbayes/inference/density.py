@@ -123,11 +123,6 @@ class Density:
         size = _COARSE * float(np.max(np.abs(self._force)))
         return self.with_independent_noise(size)
 
-    @cached_property
-    def of_independent_noise(self) -> Density:
-        """Return the density as if noise of block means were independent, without discrepancy."""
-        return self.with_independent_noise(self.whitener.sds)
-
     def with_independent_noise(self, sds: Array | float, common: Array | None = None) -> Density:
         """Return the density under independent noise of sds (n,) or one sd (N), no discrepancy.
 

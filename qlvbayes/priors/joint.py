@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
@@ -107,7 +108,10 @@ class Ordered(AbstractPrior):
         self.members = tuple(
             x if isinstance(x, AbstractScalarPrior) else xp.asarray(x) for x in members
         )
-        self.log_normaliser = np.asarray(np.log(_probability_of_order(self.members)))
+        key = tuple((type(x), *map(float, jax.tree.leaves(x))) for x in self.members)
+        if key not in _PROBABILITIES:
+            _PROBABILITIES[key] = _probability_of_order(self.members)
+        self.log_normaliser = np.asarray(np.log(_PROBABILITIES[key]))
 
     @property
     def size(self) -> int:
@@ -172,6 +176,7 @@ class Ordered(AbstractPrior):
         )
 
 
+_PROBABILITIES: dict[tuple, float] = {}  # of the order, by the members: each takes 20 ms
 _NARROW = 0.05  # log sd below which the grid needs points of its own around the median
 
 
