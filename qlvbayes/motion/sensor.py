@@ -33,6 +33,10 @@ _MOSTLY = 0.3  # of the pairs of small changes,
 _OFTEN = 0.1  # or so many of them
 _AT_ONCE = 2  # readings later at most
 _PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its knots
+_WINDOWS = (8, 16)  # readings through which a parabola goes: rounding of fewer may fit it or not
+_FEWEST_WINDOWS = 12  # that move: their median variance is then known to a fifth
+_ALSO_LONGER = 1.3  # ratio of variances about longer and shorter parabolas that are both scatter
+_BEYOND_ROUNDING = 0.3  # of the variance of rounding, beyond which there is a scatter
 
 
 def encoder_step(displacement: Array) -> float:
@@ -218,8 +222,39 @@ def tolerance(time: Array, displacement: Array, step: float, scatter: float = np
 
 def _scatter(time: Array, displacement: Array, step: float) -> float:
     """Return the scatter of as many readings as determine it, to limit memory."""
-    x = displacement[:_SHOWING]
-    return max(sensor_noise(time[:_SHOWING], x, step), dither(x, step))
+    t, x = time[:_SHOWING], displacement[:_SHOWING]
+    return max(sensor_noise(t, x, step), dither(x, step), _scatter_in_motion(t, x, step))
+
+
+def _scatter_in_motion(time: Array, displacement: Array, step: float) -> float:
+    """Return the sd of a scatter below a step, by parabolas through readings that move; or 0.
+
+    Rounding alone leaves a variance of step^2/12 about a parabola through 8 readings or more. A
+    motion that no parabola follows leaves more about 16 readings than about 8.
+    """
+    if step == 0.0:
+        return 0.0
+    left = [_about_parabolas(time, displacement, step, count) for count in _WINDOWS]
+    if min(left) == 0.0 or max(left) > _ALSO_LONGER * min(left):
+        return 0.0
+    beyond = min(left) - step**2 / 12.0
+    return float(np.sqrt(beyond)) if beyond > _BEYOND_ROUNDING * step**2 / 12.0 else 0.0
+
+
+def _about_parabolas(time: Array, displacement: Array, step: float, count: int) -> float:
+    """Return the median variance about parabolas through ``count`` readings that move; or 0."""
+    whole = time.size // count * count
+    t, x = (values[:whole].reshape(-1, count) for values in (time, displacement))
+    moves = np.ptp(x, axis=1) >= count * step / 4.0
+    if np.count_nonzero(moves) < _FEWEST_WINDOWS:
+        return 0.0
+    t, x = t[moves], x[moves]
+    u = (t - t[:, :1]) / np.ptp(t, axis=1, keepdims=True)
+    design = np.stack([np.ones_like(u), u, u * u], axis=2)
+    basis, _ = np.linalg.qr(design)
+    off = x - x[:, :1]
+    rest = off - (basis @ (basis.transpose(0, 2, 1) @ off[..., None]))[..., 0]
+    return float(np.median(np.sum(rest**2, axis=1))) / (count - 3)
 
 
 def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:

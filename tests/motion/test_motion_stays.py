@@ -76,9 +76,11 @@ def test_means_of_rounded_readings_have_the_roundings_step():
     assert np.abs(fit.displacement(t) - press(t)).max() < 0.01
 
 
-def test_scatter_of_a_motion_that_turns_ten_times_is_no_motion():
+@pytest.mark.parametrize("every", [2e-4, 5e-4, 1e-3, 2e-3, 5e-3])
+def test_scatter_of_a_motion_that_turns_ten_times_is_no_motion(every):
+    """A quarter of a step, which seldom moves a reading by more than rounding may."""
     rng = np.random.default_rng(5)
-    t = np.arange(0.0, 9.0, 2e-4)
+    t = np.arange(0.0, 9.0, every)
     true = np.interp(t, np.arange(0.0, 10.0, 1.5), [0.0, 2.0] * 3 + [0.0])
     fit = smooth(t, rounded(true + 0.25 * STEP * rng.normal(size=t.size), STEP))
     assert fit.knots.size < 20
