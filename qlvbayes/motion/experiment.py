@@ -315,7 +315,20 @@ def prepare(
     of_a_step = largest_stiffness(tests) * max(steps)
     floor = measure(with_both_errors(tests, phases), phases, of_a_step=of_a_step, read=tests)
     floor = replace(floor, notices=(*fading, *floor.notices))
+    trials = [replace(t, test=_with_tare_error(t.test, floor)) for t in trials]
     return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid, cuts=cuts)
+
+
+def _with_tare_error(test: Test, floor: NoiseFloor) -> Test:
+    """Return a test whose tare has at least the error that correlated noise leaves of it.
+
+    The readings before the contact show how much they scatter, but no noise that is slower than
+    they last.
+    """
+    before = test.time[: int(np.argmax(test.displacement >= 0.0))]
+    if not test.tare_sd or not before.size:
+        return test
+    return replace(test, tare_sd=max(test.tare_sd, floor.sd_of_mean(before)))
 
 
 def _trials_of(

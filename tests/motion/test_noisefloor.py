@@ -7,6 +7,9 @@ from hypothesis import strategies as st
 from scipy.signal import butter, lfilter
 from support.records import Record
 
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.noisefloor import measure
 from qlvbayes.motion.noisefloor.floor import Dwells
 from qlvbayes.motion.noisefloor.pool import Dwell, Pool
@@ -370,3 +373,24 @@ def test_a_memory_whose_range_is_next_to_nothing_is_that_point(width):
     assert tau.max() <= np.exp(high) * (1.0 + 1e-9)
     assert np.ptp(correlated / white) > 0.1
     assert weights.sum() == pytest.approx(1.0)
+
+
+def test_a_tare_has_the_error_of_noise_that_is_slower_than_the_approach():
+    """Dense readings of a quick approach agree with each other, and not with the true zero."""
+    time = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(1.0, 1.05, 5e-4)])
+    before, every = time[time < 1.05], np.concatenate([time, np.arange(1.05, 22.0, 0.02)])
+    way = np.interp(every, [0.0, 1.0, 1.25, 22.0], [-0.2, -0.2, 0.8, 0.8])
+    off = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        steps = np.exp(-np.diff(every) / 0.4)
+        noise = rng.standard_normal(every.size)
+        for k in range(1, every.size):
+            noise[k] = steps[k - 1] * noise[k - 1] + np.sqrt(1.0 - steps[k - 1] ** 2) * noise[k]
+        noise = 0.006 * noise + 0.003 * rng.standard_normal(every.size)
+        press = np.expm1(np.maximum(way, 0.0)) * (0.6 + 0.4 * np.exp(-every / 3.0))
+        taken = float(np.mean(noise[: before.size]))
+        test = Test("a", "p", every, way, press + noise - taken, tare_sd=5e-4)
+        (trial,) = prepare(Pad("p", (test,), PAD)).trials
+        off.append(taken / trial.test.tare_sd)
+    assert 0.5 < float(np.sqrt(np.mean(np.square(off)))) < 1.8  # ten by the error that is stated

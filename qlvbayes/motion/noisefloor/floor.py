@@ -22,6 +22,7 @@ _RATIO_SD = 3.0  # prior of the log ratio of variances: sds that differ up to 4.
 _SPREAD = 40  # draws that show the spread
 _KEPT = 0.95  # probability of the floors that are averaged
 _MOST = 5.0  # a wider prior would say nothing
+_AVERAGED = 400  # readings at most, evenly chosen, whose correlations are averaged
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +175,12 @@ class NoiseFloor:
     def total(self) -> float:
         """Sd of a single reading."""
         return float(np.hypot(self.white, self.ou))
+
+    def sd_of_mean(self, time: Array) -> float:
+        """Return the sd of the mean of readings at times (n,) in s, of which a short one has few."""
+        some = time[:: -(-time.size // _AVERAGED)]
+        alike = np.mean(np.exp(-np.abs(some[:, None] - some) / self.tau))
+        return float(np.sqrt(self.white**2 / time.size + self.ou**2 * alike))
 
     @property
     def is_sure(self) -> bool:
