@@ -27,7 +27,8 @@ from qlvbayes.motion.trajectory import Trajectory
 
 GROWTH = 0.2  # a block's width over the time since its phase began
 MOVING_BLOCKS = 20  # at least so many in a ramp or unloading,
-RESTING_BLOCKS = 8  # and in a hold
+RESTING_BLOCKS = 8  # and in a hold,
+_IN_ALL, _FEWEST = 240, 4  # of a test of a dozen phases; of more, as cycles are, each has fewer
 _NEAR = 3  # intervals ahead whose median is the local one
 _MOST_KINKS = 40
 _MARGIN = 1.2  # sampling intervals either side of a kink that are left out,
@@ -120,16 +121,18 @@ def block_edges(phases: Sequence[Phase], kinks: Array, time: Array) -> Array:
     """
     apart = 2.0 * np.diff(time)
     shortest = float(np.median(apart[:200]))
+    moving = max(min(MOVING_BLOCKS, _IN_ALL // len(phases)), _FEWEST)
+    resting, growth = min(RESTING_BLOCKS, moving), GROWTH * MOVING_BLOCKS / moving
     edges = [np.array([phases[0].start])]
     for phase in phases:
         length = phase.stop - phase.start
-        longest = length / (MOVING_BLOCKS if phase.kind in MOVING else RESTING_BLOCKS)
+        longest = length / (moving if phase.kind in MOVING else resting)
         own = [0.0]
         while own[-1] < length:
             at = int(np.searchsorted(time, phase.start + own[-1]))
             near = float(np.median(apart[at : at + _NEAR])) if at < apart.size else shortest
             least = near if near < 0.5 * shortest else shortest
-            own.append(own[-1] + min(max(GROWTH * own[-1], least), max(longest, least)))
+            own.append(own[-1] + min(max(growth * own[-1], least), max(longest, least)))
         edges.append(phase.start + np.array([*own[1:-1], length]))
     if kinks.size <= _MOST_KINKS:
         edges.append(kinks)
@@ -137,11 +140,18 @@ def block_edges(phases: Sequence[Phase], kinks: Array, time: Array) -> Array:
 
 
 def _beginnings(time: Array, edges: Array) -> NDArray[np.intp]:
-    """Return the first sample of each block: at an edge, and after a gap in even spacing."""
+    """Return the first sample of each block: at an edge, and after a gap in even spacing.
+
+    Where intervals of several lengths alternate, as those of merged clocks do, none is a gap.
+    """
     owner = np.searchsorted(edges, time, side="right")
     gap = np.diff(time)
+    around = np.pad(gap, _NEAR, mode="edge")
+    every = np.lib.stride_tricks.sliding_window_view(around, _NEAR)[: gap.size + _NEAR + 1]
+    usual = np.median(every, axis=1)
     before, after = np.append(gap[:1], gap[:-1]), np.append(gap[1:], gap[-1:])
     uneven = gap > _EVEN * np.minimum(before, after)
+    uneven &= gap > _EVEN * np.minimum(usual[: gap.size], usual[_NEAR + 1 :])
     return np.flatnonzero(np.concatenate([[True], (np.diff(owner) > 0) | uneven]))
 
 

@@ -177,7 +177,7 @@ class NoiseFloor:
         return float(np.hypot(self.white, self.ou))
 
     def sd_of_mean(self, time: Array) -> float:
-        """Return the sd of the mean of readings at times (n,) in s, of which a short one has few."""
+        """Return the sd of the mean of readings at times (n,) in s."""
         some = time[:: -(-time.size // _AVERAGED)]
         alike = np.mean(np.exp(-np.abs(some[:, None] - some) / self.tau))
         return float(np.sqrt(self.white**2 / time.size + self.ou**2 * alike))
