@@ -70,7 +70,8 @@ def reduce_test(
     whole = whole or test
     begin = np.arange(test.time.size)
     kept = np.ones(begin.size, dtype=bool)
-    edges = block_edges(phases, trajectory.kinks, whole.time)
+    touches, _ = _touches(trajectory.read_times(whole.time), trajectory)
+    edges = block_edges(phases, np.append(trajectory.kinks, touches), whole.time)
     # before single samples the motion is as fine as that of the block means
     lead = edges[(edges > whole.time[0]) & (edges < test.time[0])]
     if blocks:
@@ -85,7 +86,8 @@ def reduce_test(
     if fineness is not None:
         averaged = _with_errors(averaged, trajectory, centre, fineness)
         rows, white = np.searchsorted(whole.time, test.time), fineness.floor.white
-        timing = timing_sd(whole.time, whole.force, begin, trajectory, white, rows)[kept]
+        moments = whole.time, whole.force, begin, trajectory, white, rows
+        timing = timing_sd(*moments, contact_sd=whole.contact_sd or 0.0)[kept]
         averaged = replace(averaged, timing=held(timing))
     chord = np.inf if fineness is None else fineness.chord
     begun = approached and (past is None or not past.stays)
@@ -113,7 +115,7 @@ def reduce_test(
 
 
 def block_edges(phases: Sequence[Phase], kinks: Array, time: Array) -> Array:
-    """Return the times at which blocks begin and end; no block crosses a phase's end or a kink.
+    """Return the times at which blocks begin and end; none crosses a phase's end or a kink (k,).
 
     Within a phase the spacing grows with the time since it began. It is twice the interval between
     the first readings at least, of those at times (n,) in s, or less where a record is twice as
@@ -272,13 +274,25 @@ def _intervals(at: Array, time: Array) -> Array:
     return np.asarray(np.minimum(step[after - 1], step[np.minimum(after, step.size - 1)]))
 
 
-def _kink_doubt(time: Array, trajectory: Trajectory) -> Array:
-    """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by its nearest kink."""
+def _touches(read: Array, trajectory: Trajectory, contact_sd: float = 0.0) -> tuple[Array, Array]:
+    """Return the moments (k,) in s at which the platen passes the contact, and their sds."""
+    way = trajectory.displacement(read)
+    before = np.flatnonzero((way[:-1] < 0.0) & (way[1:] >= 0.0))
+    step, passed = np.diff(read)[before], np.diff(way)[before]
+    at = read[before] - way[before] / passed * step
+    return at, np.hypot(_UNRESOLVED, contact_sd / passed) * step
+
+
+def _moment_doubt(time: Array, trajectory: Trajectory, contact_sd: float) -> Array:
+    """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by the nearest kink or contact."""
     read = trajectory.read_times(time)
     kinks, sds = trajectory.kinks, kink_sds(read, trajectory)
     if _begins_in_motion(trajectory):
         kinks = np.append(trajectory.knots[:1], kinks)
         sds = np.append(_UNRESOLVED * np.diff(read)[:1], sds)
+    touches, doubts = _touches(read, trajectory, contact_sd)
+    order = np.argsort(np.append(kinks, touches), kind="stable")
+    kinks, sds = np.append(kinks, touches)[order], np.append(sds, doubts)[order]
     if not kinks.size:
         return np.zeros(time.shape)
     nearest = _nearest(kinks, time)
@@ -298,12 +312,15 @@ def timing_sd(
     trajectory: Trajectory,
     white: float,
     rows: NDArray[np.intp] | None = None,
+    *,
+    contact_sd: float = 0.0,
 ) -> Array:
     r"""Return the sd (B,) in N of block means that uncertain times cause.
 
-    A reading at a distance d from a kink of the motion, of which both together are known to
-    within sigma, lies beyond it with the probability p = Phi(-d / sigma). Where the force jumps
-    by Delta F there, whatever made it jump, the reading has the additional variance
+    A reading at a distance d from a kink of the motion, or from the contact, where what acts on the
+    specimen alone begins, of which both together are known to within sigma, lies beyond it with the
+    probability p = Phi(-d / sigma). Where the force jumps by Delta F there, whatever made it jump,
+    the reading has the additional variance
 
     .. math:: p (1 - p)\, \Delta F^2
 
@@ -318,7 +335,7 @@ def timing_sd(
         jumps[1:-1] = 2.0 * np.abs(force[1:-1] - line)
         jumps[-1] = abs(force[-1] - force[-2])
     jumps = np.sqrt(np.maximum(jumps**2 - _OFF_THE_LINE * white**2, 0.0))
-    kink = _kink_doubt(time, trajectory) * jumps
+    kink = _moment_doubt(time, trajectory, contact_sd) * jumps
     clock = (trajectory.clock_sd * np.gradient(force, time)) ** 2
     if rows is not None:
         kink, clock = kink[rows], clock[rows]
