@@ -150,10 +150,10 @@ def _beginnings(time: Array, edges: Array) -> NDArray[np.intp]:
     gap = np.diff(time)
     around = np.pad(gap, _NEAR, mode="edge")
     every = np.lib.stride_tricks.sliding_window_view(around, _NEAR)[: gap.size + _NEAR + 1]
-    usual = np.median(every, axis=1)
+    nearby = np.median(every, axis=1)
     before, after = np.append(gap[:1], gap[:-1]), np.append(gap[1:], gap[-1:])
     uneven = gap > _EVEN * np.minimum(before, after)
-    uneven &= gap > _EVEN * np.minimum(usual[: gap.size], usual[_NEAR + 1 :])
+    uneven &= gap > _EVEN * np.minimum(nearby[: gap.size], nearby[_NEAR + 1 :])
     return np.flatnonzero(np.concatenate([[True], (np.diff(owner) > 0) | uneven]))
 
 

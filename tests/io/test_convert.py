@@ -31,7 +31,7 @@ def test_what_was_found_is_told_and_drawn_and_the_study_can_be_read(instron, tmp
     out = tmp_path / "tidy.csv"
     status, said, err = call("convert", instron, "-o", out, "--pad", "B", drawn=True)
     assert (status, err) == (0, "")
-    assert f"next:\n  qlvbayes study {out} -o tidy_results\n" in said
+    assert f"next:\n  qlvbayes study {out} -o {out.with_name('tidy_results')}\n" in said
     assert (tmp_path / "tidy.png").stat().st_size > 10_000
     (pad,) = read_measurements(out).pads
     (test,) = pad.tests

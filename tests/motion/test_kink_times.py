@@ -10,6 +10,9 @@ from support.motions import constant_jerk, sampled, trapezoids, triangle
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS
 from qlvbayes.inference.starts import amplitude_of, shapes
+from qlvbayes.io.data import Pad, Test
+from qlvbayes.io.units import PAD
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.reduction import kink_sds, timing_sd
 from qlvbayes.motion.sensor import clock_error, last_decimal
 from qlvbayes.motion.trajectory import Stroke, Trajectory, planned, smooth
@@ -219,3 +222,23 @@ def test_a_billionth_of_an_effect_moves_no_block_mean(search, below):
         slight[amplitude.number] += 1e-9 * amplitude.sd
         forces = space.forces(more, other.constants(np.stack([nothing, slight])))
         assert np.max(np.abs(forces[1] - forces[0])) < 1e-6 * peak, kind.name
+
+
+@pytest.mark.parametrize("aligned", [0.0, 3e-4])
+def test_a_drag_that_begins_at_the_contact_is_averaged_over_no_step(aligned):
+    """Of readings at the contact itself nobody knows the side: they count by the jump there."""
+    time = np.arange(0.0, 6.0, 1e-3)
+    way = np.interp(time, [1.0, 1.1, 1.2, 6.0], [-0.2, 1.8, 1.8, 1.8]) + 20.0 * aligned
+    rng = np.random.default_rng(0)
+    loading = (time >= 1.0) & (time < 1.1)
+    force = 0.5 * np.maximum(way, 0.0) + 0.08 * ((way >= 0.0) & loading)
+    noisy = force + 0.002 * rng.standard_normal(time.size)
+    test = Test("v20", "p", time, np.round(way, 3), noisy, contact_sd=0.002)
+    experiment = prepare(Pad("p", (test,), PAD))
+    blocks = experiment.reduced(experiment.trials[0]).blocks
+    contact = 1.01 - aligned
+    sides = np.sign(np.stack([blocks.first, blocks.last]) - contact)
+    assert not np.any((sides[0] < 0.0) & (sides[1] > 0.0))
+    near = np.abs(blocks.first - contact) < 0.01
+    assert np.max((blocks.timing * blocks.count)[near]) > 0.015  # of a jump of 0.08 N
+    assert np.max(blocks.timing[blocks.last < contact - 0.005]) < 1e-3
