@@ -125,10 +125,11 @@ def _hold_report(experiment: Experiment, trial: Trial) -> HoldReport | None:
 
 
 def _touched(trial: Trial, ramp: Phase) -> float:
-    """Return when a ramp touches the specimen (s): a way through air loads nothing."""
-    path = trial.trajectory
+    """Return when a ramp loads the specimen (s): neither a rest does, nor a way through air."""
+    path, near = trial.trajectory, 2.0 * trial.trajectory.resolution
     every = np.linspace(ramp.start, ramp.stop, _INSTANTS)
-    off = np.flatnonzero(path.displacement(every) < -2.0 * path.resolution)
+    way = path.displacement(every)
+    off = np.flatnonzero(way <= max(-near, float(way[0]) + near))
     return float(every[off[-1]]) if off.size else ramp.start
 
 
