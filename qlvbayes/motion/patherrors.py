@@ -76,6 +76,9 @@ def _unresolved(read: _Read) -> list[tuple[Array, Array]]:
     least = _SHOWN * float(np.max(np.abs(seen)))
     by_fit, by_readings = _changes(fitted), _changes(seen)
     marked = (by_fit > least) | (by_readings > np.maximum(least, 2.0 * _SURE * noise))
+    if read.path.higher is not None:  # a smooth curve follows what changes, but for its kinks
+        after = np.searchsorted(nodes, read.path.kinks)
+        marked &= np.isin(np.arange(nodes.size), np.concatenate([after - 1, after]))
     marked |= np.abs(seen - fitted) > np.maximum(least, _SURE * noise)
     near = np.convolve(marked, np.ones(2 * _BEYOND + 1), mode="same") > 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))

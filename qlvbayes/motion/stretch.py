@@ -129,7 +129,7 @@ def _fitted(
         if worst_residual(plain, window, tol) <= tol.rest:
             return _constant(with_worthwhile_knots(plain, window, tol), window)
     ends = Joints(knots[[0, -1]], np.array([False, False]), left, right)
-    curve = smooth_curve(ends, window, tol)
+    curve = smooth_curve(ends, window, tol, nearly=knots.size > _MOST_PIECES)
     curve = None if curve is None or np.any(straying(curve, tol)) else curve
     if curve is not None and (
         curve.parameters <= _PER_PIECE * knots.size or knots.size > _MOST_PIECES
