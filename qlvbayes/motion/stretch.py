@@ -240,7 +240,10 @@ def _overshoots(stretch: Stretch, time: Array, x: Array, most: float) -> tuple[A
     path, inner = stretch.at(time), stretch.at(between.ravel()).reshape(between.shape)
     moves = np.diff(x)
     moves[np.abs(moves) <= most] = 0.0
-    before, after = np.append(0.0, moves[:-1]), np.append(moves[1:], 0.0)
+    one, two = np.pad(moves, 2)[1:-3], np.pad(moves, 2)[:-4]  # next to a turn one may be small
+    before = np.where(one == 0.0, two, one)
+    one, two = np.pad(moves, 2)[3:-1], np.pad(moves, 2)[4:]
+    after = np.where(one == 0.0, two, one)
     turning = (before * moves < 0.0) | (moves * after < 0.0) | (before * after < 0.0)
     ends = np.stack([x[:-1], x[1:], path[:-1], path[1:]])
     above = inner.max(axis=1) - ends.max(axis=0)

@@ -217,6 +217,7 @@ coefficient = st.floats(-10.0, 10.0).map(lambda c: round(c, 3))
 @example(3.0, -0.5, 0.5, 32)  # turns between two readings whose line it leaves by more than they
 @example(0.0, -0.5, 6.0, 68)  # differ
 @example(8.626, 1.943, -1.173, 18)
+@example(0.0, 4.75, -7.5, 101)  # a reading moves next to nothing before it turns
 def test_parabolas_are_reproduced(a, b, c, n):
     t = np.sort(np.random.default_rng(n).uniform(0.0, 1.0, size=n))
     x = a + b * t + c * t**2
