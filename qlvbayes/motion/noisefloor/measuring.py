@@ -225,7 +225,7 @@ def _fitted(pool: Pool, memory: float, typical: float) -> Dwells:
     starts = [(r, t) for t in np.linspace(taus[0], taus[1], _TAUS) for r in _RATIOS]
     best = minimize(
         posterior.loss, min(map(np.array, starts), key=posterior.loss), method="L-BFGS-B",
-        bounds=Bounds(*bounds), options={"maxiter": 15, "ftol": 1e-6},
+        bounds=Bounds(*bounds), options={"maxiter": 40, "ftol": 1e-10},
     )  # fmt: skip
     ratio, tau = map(float, best.x)
     gain = pool.likelihood(ratio, tau)[0]
