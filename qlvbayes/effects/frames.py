@@ -28,8 +28,7 @@ class AbstractFrame(AbstractEffect):
 
     The force is solved at all points at once by quasi-Newton steps with the instantaneous elastic
     stiffness at the platen's displacement: four steps give 1e-5 of the peak for a frame ten times
-    as stiff as the pad. The
-    frame's own speed is neglected against the platen's.
+    as stiff as the pad. The frame's own speed is neglected against the platen's.
     """
 
     level: ClassVar[Level] = Level.FRAME
