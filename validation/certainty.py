@@ -19,12 +19,12 @@ import numpy as np
 from blind.counting import Case, has_failed, true_names
 from msgspec import structs
 from numpy.typing import NDArray
-from results import share
+from results import grid, share
 from runs import read_cases
 from scipy.stats import beta
 
 import qlvbayes.diagnosis.certainty as package
-from qlvbayes.diagnosis.certainty import LEAST, features
+from qlvbayes.diagnosis.certainty import LEAST, calibration, features
 from qlvbayes.diagnosis.result import Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.io.files import write_json
@@ -144,6 +144,30 @@ def rows(certainties: Array, there: Array) -> list[list[str]]:
         [f"{low:.1f} to {high:.1f}", str(n), share(right, n), _bounds(right, n), f"{mean:.2f}"]
         for low, high, n, right, mean in bins(certainties, there)
     ]
+
+
+def of_certainty(learnt_on: str, other: str) -> str:
+    """Return how many effects were there, by their certainty and by their stated probability."""
+    head = ["run", "certainty", "names", "there", "95 % bounds", "mean certainty"]
+    names = list(names_of(learnt_on, diagnosed(learnt_on)))
+    known = calibration()
+    stated = [(known(name.x), name) for name in names_of(other, diagnosed(other))]
+    sure = [(value, name) for value, name in stated if value is not None]
+    values_of = {learnt_on: (left_out(names), names)}
+    values_of[other] = np.array([value for value, _ in sure]), [name for _, name in sure]
+    lines, words = [], []
+    for run, (values, some) in values_of.items():
+        there = columns(some)[1]
+        lines += [[run, *row] for row in rows(values, there)]
+        posterior = np.array([name.stated for name in some])
+        words.append(
+            f"*{run}*: mean log loss of a name {loss(values, there):.2f} nats, of its posterior "
+            f"probability {loss(posterior, there):.2f}, of one share for all "
+            f"{loss(np.full(len(some), there.mean()), there):.2f}; of names with a posterior "
+            f"probability of 0.9 or more, refused or not, "
+            f"{share(int(there[posterior >= 0.9].sum()), int((posterior >= 0.9).sum()))} are there."
+        )
+    return "\n".join([*grid(head, lines), "", *(f"- {line}" for line in words)])
 
 
 def confirmed(case: Case, certainty: Mapping[str, float]) -> Case:

@@ -16,15 +16,11 @@ from __future__ import annotations
 
 import argparse
 import importlib.metadata
-import importlib.util
 import json
 import re
-import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -32,7 +28,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from results import ROOT, Origin
-from simulators import of_drake, of_mujoco
+from simulators import TARGETS, lacking, of_drake, of_mujoco
 
 import qlvbayes as q
 from qlvbayes.io.files import write_whole
@@ -84,130 +80,7 @@ every phase of every test that was not fitted. {run} Made by `{command}` on {dat
 """
 _UNIT = {"height": 10.0, "area": 200.0}  # mm, mm2: of a block, for Drake's hydroelastic contact
 
-_DRIVER = """#include <stdio.h>
-#include "NAME.h"
-int main(void) {
-    const NAME_constants k = UPPER_MEDIAN;
-    NAME_state s;
-    double h, d;
-    int first = 1;
-    while (scanf("%lf %lf", &h, &d) == 2) {
-        if (first) { NAME_begin(&k, &s, d); }
-        first = 0;
-        printf("%.17g\\n", NAME_force(&k, &s, h, d));
-    }
-    return 0;
-}
-"""
-_WORLD = """<mujoco><option gravity="0 0 0"/>
-<extension><plugin plugin="qlvbayes.NAME"/></extension>
-<worldbody><body><plugin plugin="qlvbayes.NAME"><config key="joint" value="press"/></plugin>
-<joint name="press" type="slide" axis="0 0 -1"/><geom type="sphere" size="0.01" mass="1e12"/>
-</body></worldbody></mujoco>"""
-_OCTAVE = """state = NAME('begin', rows(1, 2));
-force = zeros(rows(end, 3), 1);
-for i = 1:size(rows, 1)
-  [force(i), state] = NAME('force', rows(i, 2), rows(i, 1), state);
-end
-printf('%.17g\\n', force);
-"""
-
 _MUJOCO = ("solref of 0.1 kg (1/s2, 1/s)", "solimp (1, 1, m, 1, 1)")
-
-Run = Callable[[Path, str, np.ndarray, np.ndarray], np.ndarray]
-"""Force (N,) of an export (its folder and name) along steps (s) to displacements, both (N,)."""
-
-
-def of_header(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """By the C header, compiled."""
-    source = folder / "run.c"
-    source.write_text(_DRIVER.replace("NAME", name).replace("UPPER", name.upper()))
-    command = ["gcc", "-std=c99", "-O2", str(source), "-o", str(folder / "run"), "-lm"]
-    subprocess.run(command, check=True)
-    return _read([str(folder / "run")], _rows(step, depth))
-
-
-def of_unit(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """By the FMU, its input's derivative set, so that the force is on time."""
-    import fmpy
-    from fmpy.fmi2 import FMU2Slave
-
-    path = str(folder / f"{name}.fmu")
-    read = fmpy.read_model_description(path)
-    unit = FMU2Slave(
-        guid=read.guid,
-        unzipDirectory=fmpy.extract(path),
-        modelIdentifier=read.coSimulation.modelIdentifier,
-    )
-    unit.instantiate()
-    unit.setupExperiment(startTime=0.0)
-    unit.enterInitializationMode()
-    unit.setReal([0], [depth[0]])
-    unit.exitInitializationMode()
-    force, time = unit.getReal([3]), 0.0
-    for h, start, stop in zip(step[1:], depth[:-1], depth[1:], strict=True):
-        unit.setReal([0], [start])
-        unit.setRealInputDerivatives([0], [1], [(stop - start) / h])
-        unit.doStep(time, h)
-        force += unit.getReal([3])
-        time += h
-    unit.freeInstance()
-    return np.array(force)
-
-
-def of_plugin(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """By MuJoCo with the plugin, on a mass so large that the joint goes as it is sent."""
-    import mujoco
-
-    model, position = _world(folder, name), 1e-3 * depth
-    data, force = mujoco.MjData(model), []
-    travel = np.diff(position, prepend=position[0])
-    for h, way, end in zip(step.tolist(), travel.tolist(), position.tolist(), strict=True):
-        speed = way / h if h > 0.0 else 0.0
-        if h > 0.0:
-            model.opt.timestep, data.qpos[0], data.qvel[0] = h, end - way, speed
-            mujoco.mj_step(model, data)
-        data.qpos[0], data.qvel[0] = end, speed
-        mujoco.mj_forward(model, data)
-        force.append(-float(data.qfrc_passive[0]))
-    return np.array(force)
-
-
-@cache
-def _world(folder: Path, name: str) -> Any:
-    """MuJoCo's model of an export; a process takes one plugin of a name, so each gets its own."""
-    import mujoco
-
-    own = f"{name}_{folder.parents[2].name}"
-    source = folder / f"{own}.c"
-    plugin = (folder / f"{name}_plugin.c").read_text()
-    source.write_text(plugin.replace(f"qlvbayes.{name}", f"qlvbayes.{own}"))
-    home, made = Path(mujoco.__file__).parent, folder / f"{own}.so"
-    (library,) = home.glob("libmujoco.so*")
-    command = ["gcc", "-O2", "-shared", "-fPIC", f"-I{home / 'include'}", str(source)]
-    command += [str(library), f"-Wl,-rpath,{home}", "-lm", "-o", str(made)]
-    subprocess.run(command, check=True)
-    mujoco.mj_loadPluginLibrary(str(made))
-    return mujoco.MjModel.from_xml_string(_WORLD.replace("NAME", own))
-
-
-def of_octave(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """By the MATLAB function in GNU Octave."""
-    numbers = "\n".join(
-        f"{h!r} {d!r} {len(step)}" for h, d in zip(step.tolist(), depth.tolist(), strict=True)
-    )
-    script = folder / "run.m"
-    script.write_text(f"cd('{folder}');\nrows = [{numbers}];\n" + _OCTAVE.replace("NAME", name))
-    return _read(["octave-cli", "--norc", "--quiet", str(script)], "")
-
-
-TARGETS: dict[str, tuple[Run, str]] = {
-    "c": (of_header, "gcc"),
-    "fmu": (of_unit, "fmpy"),
-    "mujoco": (of_plugin, "mujoco"),
-    "matlab": (of_octave, "octave-cli"),
-}
-"""Functions that run each export, with the program or package needed in addition to gcc."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,11 +144,6 @@ def fitted(record: Path, pad: str, folder: Path, effects: list[str], seed: int) 
     if not (folder / pad / "posterior.nc").is_file():
         added = [word for name in effects for word in ("--add", name)]
         command("fit", record, *added, "-o", folder, "--seed", seed)
-
-
-def lacking(needed: str) -> bool:
-    """Return whether this machine has neither a program nor a package of that name."""
-    return shutil.which(needed) is None and importlib.util.find_spec(needed) is None
 
 
 def forces(out: Path, pad: str, target: str, every: list[Trial]) -> list[np.ndarray]:
@@ -433,17 +301,6 @@ def picture(
     for ax in (left, right):
         ax.spines[["top", "right"]].set_visible(False)
     return figure
-
-
-def _rows(step: np.ndarray, depth: np.ndarray) -> str:
-    return "".join(f"{h!r} {d!r}\n" for h, d in zip(step.tolist(), depth.tolist(), strict=True))
-
-
-def _read(program: list[str], rows: str) -> np.ndarray:
-    done = subprocess.run(program, input=rows, capture_output=True, text=True, check=False)
-    if done.returncode:
-        sys.exit(f"{program[0]}: {done.stderr.strip()}")
-    return np.array(done.stdout.split(), dtype=float)
 
 
 def _rms(errors: list[float]) -> float:

@@ -1,15 +1,163 @@
-"""Contacts in the simulators themselves: exported files loaded, depth and speed set, force read."""
+"""Exports and contacts in other programs: files loaded, depth and speed set, force read.
+
+`TARGETS` runs an export of the whole model along a motion; `of_mujoco` and `of_drake` run contacts.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import re
-from collections.abc import Iterator
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 _PLATEN = 0.02  # m, its thickness
 _WIDER = 4.0  # sides of the platen in one of the pad: the patch then ends at the platen's edges
+
+_DRIVER = """#include <stdio.h>
+#include "NAME.h"
+int main(void) {
+    const NAME_constants k = UPPER_MEDIAN;
+    NAME_state s;
+    double h, d;
+    int first = 1;
+    while (scanf("%lf %lf", &h, &d) == 2) {
+        if (first) { NAME_begin(&k, &s, d); }
+        first = 0;
+        printf("%.17g\\n", NAME_force(&k, &s, h, d));
+    }
+    return 0;
+}
+"""
+_WORLD = """<mujoco><option gravity="0 0 0"/>
+<extension><plugin plugin="qlvbayes.NAME"/></extension>
+<worldbody><body><plugin plugin="qlvbayes.NAME"><config key="joint" value="press"/></plugin>
+<joint name="press" type="slide" axis="0 0 -1"/><geom type="sphere" size="0.01" mass="1e12"/>
+</body></worldbody></mujoco>"""
+_OCTAVE = """state = NAME('begin', rows(1, 2));
+force = zeros(rows(end, 3), 1);
+for i = 1:size(rows, 1)
+  [force(i), state] = NAME('force', rows(i, 2), rows(i, 1), state);
+end
+printf('%.17g\\n', force);
+"""
+
+Run = Callable[[Path, str, np.ndarray, np.ndarray], np.ndarray]
+"""Force (N,) of an export (its folder and name) along steps (s) to displacements, both (N,)."""
+
+
+def of_header(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By the C header, compiled."""
+    source = folder / "run.c"
+    source.write_text(_DRIVER.replace("NAME", name).replace("UPPER", name.upper()))
+    command = ["gcc", "-std=c99", "-O2", str(source), "-o", str(folder / "run"), "-lm"]
+    subprocess.run(command, check=True)
+    return _read([str(folder / "run")], _rows(step, depth))
+
+
+def of_unit(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By the FMU, its input's derivative set, so that the force is on time."""
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+
+    path = str(folder / f"{name}.fmu")
+    read = fmpy.read_model_description(path)
+    unit = FMU2Slave(
+        guid=read.guid,
+        unzipDirectory=fmpy.extract(path),
+        modelIdentifier=read.coSimulation.modelIdentifier,
+    )
+    unit.instantiate()
+    unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    unit.setReal([0], [depth[0]])
+    unit.exitInitializationMode()
+    force, time = unit.getReal([3]), 0.0
+    for h, start, stop in zip(step[1:], depth[:-1], depth[1:], strict=True):
+        unit.setReal([0], [start])
+        unit.setRealInputDerivatives([0], [1], [(stop - start) / h])
+        unit.doStep(time, h)
+        force += unit.getReal([3])
+        time += h
+    unit.freeInstance()
+    return np.array(force)
+
+
+def of_plugin(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By MuJoCo with the plugin, on a mass so large that the joint goes as it is sent."""
+    import mujoco
+
+    model, position = _plugin_model(folder, name), 1e-3 * depth
+    data, force = mujoco.MjData(model), []
+    travel = np.diff(position, prepend=position[0])
+    for h, way, end in zip(step.tolist(), travel.tolist(), position.tolist(), strict=True):
+        speed = way / h if h > 0.0 else 0.0
+        if h > 0.0:
+            model.opt.timestep, data.qpos[0], data.qvel[0] = h, end - way, speed
+            mujoco.mj_step(model, data)
+        data.qpos[0], data.qvel[0] = end, speed
+        mujoco.mj_forward(model, data)
+        force.append(-float(data.qfrc_passive[0]))
+    return np.array(force)
+
+
+@cache
+def _plugin_model(folder: Path, name: str) -> Any:
+    """MuJoCo's model of an export; a process takes one plugin of a name, so each gets its own."""
+    import mujoco
+
+    own = f"{name}_{folder.parents[2].name}"
+    source = folder / f"{own}.c"
+    plugin = (folder / f"{name}_plugin.c").read_text()
+    source.write_text(plugin.replace(f"qlvbayes.{name}", f"qlvbayes.{own}"))
+    home, made = Path(mujoco.__file__).parent, folder / f"{own}.so"
+    (library,) = home.glob("libmujoco.so*")
+    command = ["gcc", "-O2", "-shared", "-fPIC", f"-I{home / 'include'}", str(source)]
+    command += [str(library), f"-Wl,-rpath,{home}", "-lm", "-o", str(made)]
+    subprocess.run(command, check=True)
+    mujoco.mj_loadPluginLibrary(str(made))
+    return mujoco.MjModel.from_xml_string(_WORLD.replace("NAME", own))
+
+
+def of_octave(folder: Path, name: str, step: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """By the MATLAB function in GNU Octave."""
+    numbers = "\n".join(
+        f"{h!r} {d!r} {len(step)}" for h, d in zip(step.tolist(), depth.tolist(), strict=True)
+    )
+    script = folder / "run.m"
+    script.write_text(f"cd('{folder}');\nrows = [{numbers}];\n" + _OCTAVE.replace("NAME", name))
+    return _read(["octave-cli", "--norc", "--quiet", str(script)], "")
+
+
+TARGETS: dict[str, tuple[Run, str]] = {
+    "c": (of_header, "gcc"),
+    "fmu": (of_unit, "fmpy"),
+    "mujoco": (of_plugin, "mujoco"),
+    "matlab": (of_octave, "octave-cli"),
+}
+"""Functions that run each export, with the program or package needed in addition to gcc."""
+
+
+def _rows(step: np.ndarray, depth: np.ndarray) -> str:
+    return "".join(f"{h!r} {d!r}\n" for h, d in zip(step.tolist(), depth.tolist(), strict=True))
+
+
+def _read(program: list[str], rows: str) -> np.ndarray:
+    done = subprocess.run(program, input=rows, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(f"{program[0]}: {done.stderr.strip()}")
+    return np.array(done.stdout.split(), dtype=float)
+
+
+def lacking(needed: str) -> bool:
+    """Return whether this machine has neither a program nor a package of that name."""
+    return shutil.which(needed) is None and importlib.util.find_spec(needed) is None
 
 
 def of_mujoco(

@@ -12,7 +12,6 @@ from blind.laws import ELASTIC, RELAXATION, Law, draw_law
 from blind.loadcell import CELLS, LoadCell, draw_cell
 from blind.population import Population, kin
 from blind.programmes import session, sine, swing
-from blind.report import Report
 from blind.study import _disturbed, make_study
 from blind.visible import visible
 from registration import Registration
@@ -370,19 +369,3 @@ def test_a_run_under_other_code_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(registration, "rules_digest", lambda: "other")
     assert registered.broken() == ["the code", "the rules of the count"]
     assert registered.broken(finished=True) == ["the rules of the count"]
-
-
-def test_a_stated_probability_is_right_where_the_effect_is_hidden():
-    """The rig's own gap is neither wanted nor wrong; a refused one is counted apart."""
-    base = {"index": 0, "seconds": {}, "rig": {"gap_mm": 0.01}}
-    probabilities = {"none": 0.0, "friction": 0.97, "inertia": 0.93, "contact_offset": 0.99}
-    single = case("single", ("friction",), "missing_effect", ["friction"]) | base
-    single |= {"probabilities": probabilities, "refused": [["inertia", "a reason"]]}
-    outside = case("outside", ("ringing",), "unexplained") | base
-    outside |= {"probabilities": {"friction": 0.95, "inertia": 0.35}}
-    low, high = Report(Population(1), (single, outside)).reliability()
-    assert (low["low"], low["all"]["hits"], low["all"]["n"]) == (0.3, 0, 1)
-    assert (high["all"]["hits"], high["all"]["n"]) == (1, 3)
-    assert (high["kept"]["hits"], high["kept"]["n"]) == (1, 2)
-    assert high["kept"]["mean"] == pytest.approx(0.96)
-    assert high["kept"]["bounds95"][0] < 0.5 < high["kept"]["bounds95"][1]

@@ -34,15 +34,6 @@ class Coverage:
     error_before: float
     error_after: float
 
-    def as_dict(self) -> dict:
-        """Return plain values for JSON."""
-        return {
-            "coverage_before": self.before.as_dict(),
-            "coverage_after": self.after.as_dict(),
-            "median_error_over_sd_before": _finite(self.error_before),
-            "median_error_over_sd_after": _finite(self.error_after),
-        }
-
 
 def coverage(cases: Sequence[Case]) -> dict[str, Coverage]:
     """Return the coverage of each constant, and of all together under ``all``.
@@ -105,10 +96,6 @@ def _error(truth: float, mean: float, sd: float) -> float:
 def _coverage(name: str, errors: np.ndarray) -> Coverage:
     before, after = (Rate(int(hits), len(errors)) for hits in (errors <= HALF_WIDTH).sum(axis=0))
     return Coverage(name, before, after, *map(float, np.median(errors, axis=0)))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def named_as_fitted(
