@@ -22,7 +22,7 @@ _RESULTS = ("run.json", "bench.json", "measurements.csv")  # any of them marks a
 _NEEDED = ("starlette", "uvicorn", "python_multipart")
 
 
-def app_command(
+def app(
     file: Annotated[
         Path | None,
         typer.Argument(help="Measurements, or a folder of results.", show_default=False),
@@ -32,7 +32,7 @@ def app_command(
         str,
         typer.Option(
             help="Address to listen at. Any but 127.0.0.1 lets other machines in: whoever has the "
-            "token sees all sessions and uses this machine, and nothing is encrypted.",
+            "token sees all sessions and uses this machine, and nothing is encrypted."
         ),
     ] = "127.0.0.1",
     behind: Annotated[

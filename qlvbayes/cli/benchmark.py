@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from qlvbayes.cli.command import with_groups
-from qlvbayes.cli.console import counting, out
-from qlvbayes.cli.options import AsJson, Seed, WorkOptions, split_names
+from qlvbayes.cli.console import counting, out, table
+from qlvbayes.cli.options import AsJson, Seed, WorkOptions, split_names, with_groups
 from qlvbayes.cli.settings import share_of
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.files import results_folder, write_json
 
 if TYPE_CHECKING:
     from qlvbayes.evaluation.session import RigSession
-    from qlvbayes.evaluation.study import Benchmark
     from qlvbayes.evaluation.table import EffectRow
 
 
@@ -90,8 +88,6 @@ def benchmark(
     from qlvbayes.evaluation.study import NOTHING, Benchmark, effects_of, index_of
     from qlvbayes.evaluation.table import rows
 
-    if pad.isdecimal():  # how many, as --each was called once
-        pad, each = "", int(pad)
     share = share_of(size)
     if not 0.0 < share < 1.0:
         raise InputError(f"a size of {size}", remedy="give a share of the peak force, as 6%")
@@ -111,12 +107,15 @@ def benchmark(
         return
     cases = [store.cases[index_of(study)] for study in studies]
     found = rows(cases, hidden)
-    content = _content(simulated, [row.as_dict() for row in found], cases)
+    content = {
+        "schema": 2, "seed": seed, "size": share, "tests": list(simulated.session.names),
+        "effects": [row.as_dict() for row in found], "cases": cases,
+    }  # fmt: skip
     write_json(folder / "benchmark.json", content)
     if as_json:
         print(json.dumps(content, allow_nan=False))
-        return
-    out.print(effects_table(found, share))
+    else:
+        out.print(effects_table(found, share))
 
 
 def _session(file: Path | None, name: str, noise: str, *, bonded: bool) -> RigSession:
@@ -135,31 +134,18 @@ def _session(file: Path | None, name: str, noise: str, *, bonded: bool) -> RigSe
     return RigSession.of_pad(study.pad(name or known[0]), bonded=bonded)
 
 
-def _content(simulated: Benchmark, found: list[dict], cases: list[dict]) -> dict:
-    session = simulated.session
-    return {
-        "schema": 2,
-        "seed": simulated.seed,
-        "size": simulated.size,
-        "tests": list(session.names),
-        "effects": found,
-        "cases": cases,
-    }
-
-
 def effects_table(found: list[EffectRow], size: float) -> Table:
     """Return one row an effect, with the bounds of the share in which the verdict is right."""
     title = f"pads that hide one effect of {100 * size:g} % of the peak force, or nothing"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("hidden")
-    columns = ("size", "pads", "named", "95 % bounds", "in a group", "another named", "none named")
-    for column in (*columns, "failed"):
-        table.add_column(column, justify="right")
+    made = table(
+        title, "hidden", ">size", ">pads", ">named", ">95 % bounds", ">in a group",
+        ">another named", ">none named", ">failed",
+    )  # fmt: skip
     for row in found:
         low, high = (f"{100 * x:.0f}" for x in row.bounds)
         counts = (str(x) if x else "" for x in (row.grouped, row.wrong, row.silent, row.failed))
-        table.add_row(
+        made.add_row(
             row.effect, f"{100 * row.share:.1f} %", str(row.pads), str(row.named),
             f"{low} to {high} %", *counts,
         )  # fmt: skip
-    return table
+    return made

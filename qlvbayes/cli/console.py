@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.io.wording import as_typed, visible
@@ -39,6 +40,16 @@ class Plain(Console):
 
 out = Plain(width=None if sys.stdout.isatty() else WIDE)
 err = Plain(stderr=True, width=None if sys.stderr.isatty() else 1000)
+
+
+def table(title: str, *columns: str, whole: Collection[str] = (), **style: Any) -> Table:
+    """Return an empty table; ``>name`` is a column of numbers, those of ``whole`` never wrap."""
+    made = Table(title=title or None, title_justify="left", title_style="bold", **style)
+    for name in columns:
+        right = "right" if name.startswith(">") else "left"
+        name = name.removeprefix(">")
+        made.add_column(name, justify=right, no_wrap=name in whole, overflow="fold")  # type: ignore[arg-type]
+    return made
 
 
 def command_line() -> str:

@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from qlvbayes.cli.console import out
-from qlvbayes.cli.options import (
-    AsJson,
-    Data,
-    Pads,
-    Seed,
-    known_names,
-    positive_values,
-    split_names,
-)
+from qlvbayes.cli.console import out, table
+from qlvbayes.cli.options import AsJson, Data, Pads, Seed, known_names, positive_values, split_names
 from qlvbayes.io.catalogue import MOST_TESTS
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.wording import plain
@@ -30,7 +22,7 @@ _LIMITS = ("depth", "speed", "acceleration")
 _FILES = ("posterior.nc", "diagnosis.json")
 
 
-def design_command(
+def design(
     folder: Annotated[Path, typer.Argument(help="The folder that 'study' or 'fit' wrote.")],
     pads: Pads = "",
     wanted: Annotated[
@@ -63,7 +55,7 @@ def design_command(
     Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'check
     --program') and the figure design.
     """
-    # imported here, so that neither the help nor other commands wait for them
+    # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_figures
     from qlvbayes.pipeline.designing import design_into
 
@@ -113,35 +105,30 @@ def _tests(plan: NextTests) -> Table:
     """Return a table with a row for each test, and one for all."""
     doubt = ", ".join(f"{name} ({share:.0%})" for name, share in plan.causes.items())
     caption = f"{plan.entropy:.2f} bits are missing to distinguish {doubt}" if plan.cause else None
-    table = Table(title=f"pad {plan.pad}: the next tests", caption=caption)
-    columns = ["test", "minutes"]
-    columns += ["bits, constants"] if plan.constants else []
-    columns += ["bits, cause"] if plan.cause else []
-    for column in (*columns, "bits a minute", "what the platen does"):
-        left = column in ("test", "what the platen does")
-        table.add_column(column, justify="left" if left else "right")
+    columns = ["test", ">minutes"]
+    columns += [">bits, constants"] if plan.constants else []
+    columns += [">bits, cause"] if plan.cause else []
+    columns += [">bits a minute", "what the platen does"]
+    made = table(f"pad {plan.pad}: the next tests", *columns, caption=caption)
     for one in plan.tests:
         cells = [one.name, f"{one.minutes:.2f}"]
         cells += [f"{one.constants:.2f}"] if plan.constants else []
         cells += [f"{one.judged.cause:.2f}"] if plan.cause else []
-        table.add_row(*cells, f"{one.per_minute:.2f}", one.words)
+        made.add_row(*cells, f"{one.per_minute:.2f}", one.words)
     minutes, all_bits = sum(one.minutes for one in plan.tests), plan.together
     cells = ["all", f"{minutes:.2f}"]
-    cells += (
-        [f"{all_bits.constants:.2f} ± {all_bits.constants_error:.2f}"] if plan.constants else []
-    )
+    if plan.constants:
+        cells += [f"{all_bits.constants:.2f} ± {all_bits.constants_error:.2f}"]
     cells += [f"{all_bits.cause:.2f} ± {all_bits.cause_error:.2f}"] if plan.cause else []
     total = all_bits.constants * bool(plan.constants) + all_bits.cause * plan.cause
-    table.add_row(*cells, f"{total / minutes:.2f}", "", end_section=True)
-    return table
+    made.add_row(*cells, f"{total / minutes:.2f}", "", end_section=True)
+    return made
 
 
 def _widths(plan: NextTests) -> Table:
     """Return a table of the constants' standard deviations now and after all tests."""
-    table = Table(title=plan.hypotheses[0].words)
-    for column in ("constant", "value", "sd now", "sd expected"):
-        table.add_column(column, justify="left" if column == "constant" else "right")
+    made = table(plan.hypotheses[0].words, "constant", ">value", ">sd now", ">sd expected")
     for name, one in plan.widths.items():
         unit = "" if one.unit == "1" else f" {one.unit}"
-        table.add_row(name, f"{plain(one.mean)}{unit}", plain(one.now, 2), plain(one.after, 2))
-    return table
+        made.add_row(name, f"{plain(one.mean)}{unit}", plain(one.now, 2), plain(one.after, 2))
+    return made

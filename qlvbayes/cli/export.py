@@ -16,7 +16,7 @@ from qlvbayes.io.checks import InputError
 _NAMES = "|".join(TARGETS)
 
 
-def export_command(
+def export(
     folder: Annotated[Path, typer.Argument(help="The folder that 'fit' or 'study' wrote.")],
     to: Annotated[str, typer.Option(help=f"One of {_NAMES}, or several as 'c,fmu'.")],
     pads: OnePad = "",
@@ -41,7 +41,8 @@ def export_command(
     tested, the 90 % intervals, and what it cannot represent.
     """
     # imported here, so that the help does not wait for them
-    from qlvbayes.use.exports.target import export, find
+    from qlvbayes.use.exports.target import export as write_for
+    from qlvbayes.use.exports.target import find
 
     names = split_names(to)
     if not names:
@@ -49,7 +50,7 @@ def export_command(
     kinds = {name: find(name) for name in names}
     pad = pads or _only_pad(folder)
     with waiting(f"export to {', '.join(kinds)}"):
-        files = export(folder, pad, *kinds, draws=draws, height=height, area=area, data=data)
+        files = write_for(folder, pad, *kinds, draws=draws, height=height, area=area, data=data)
     written = {name: [str(path) for path in files if path.parent.name == name] for name in kinds}
     if as_json:
         print(json.dumps(written))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -13,14 +14,13 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from qlvbayes.cli.command import with_groups
-from qlvbayes.cli.console import err, out, waiting
-from qlvbayes.cli.options import AsJson, InputOptions, split_names
+from qlvbayes.cli.console import err, out, table, waiting
+from qlvbayes.cli.options import AsJson, InputOptions, split_names, with_groups
+from qlvbayes.cli.settings import KEYS, StudySettings
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed, plain
 
 if TYPE_CHECKING:
-    from qlvbayes.cli.settings import StudySettings
     from qlvbayes.io.conversion import Conversion
     from qlvbayes.io.data import Measurements
     from qlvbayes.io.units import UnitSystem
@@ -31,7 +31,7 @@ _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
 
 @with_groups
-def look_command(
+def look(
     inputs: InputOptions,
     output: Annotated[
         Path | None,
@@ -91,19 +91,17 @@ def look_command(
             folder = output / Path(study.source).stem
         arguments = [*arguments_of(study.pads, parts, gaps), *_of_specimen(chosen)]
         with waiting("looking"):
-            look, figures = look_into(
-                folder, study, study.pads, bonded=chosen["bonded"],
-                keep_all_readings=bool(chosen["keep-all-readings"]), use=parts, leave_out=gaps,
-                files=_files(study, inputs.paths, source),
-                next_commands=_next(inputs, source, study, arguments),
+            seen, figures = look_into(
+                folder, study, study.pads, bonded=chosen["bonded"], files=_files(study, source),
+                next_commands=_next(inputs, source, study, arguments), **chosen.readings,
             )  # fmt: skip
-        looks.append(look)
+        looks.append(seen)
         if not as_json:
-            show_look(look, figures)
+            show_look(seen, figures)
         if cause:
             _print_guesses(study, inputs, as_json=as_json)
     if as_json and looks:
-        text = [look.to_json() for look in looks]
+        text = [one.to_json() for one in looks]
         print(text[0] if len(text) == 1 else f"[{','.join(text)}]")
     for error in refused[:-1]:
         err.print(f"notice: left out: {error}")
@@ -111,24 +109,34 @@ def look_command(
         raise InputError(refused[-1])
 
 
-@with_groups
-def convert_command(
-    inputs: InputOptions,
-    output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
-    *,
-    as_json: AsJson = False,
-) -> None:
-    """Turn files of testing machines into one tidy CSV file: 'look -o FILE.csv'.
+def converted(
+    files: Sequence[Path], settings: StudySettings, pads: tuple[str, ...] = ()
+) -> Conversion:
+    """Convert machines' files; on a terminal ask for what they leave open, as often as needed."""
+    from qlvbayes.io.conversion import convert
+    from qlvbayes.io.recording import UnsureError
 
-    It leaves a picture next to it, and says how the files were read. Of several files those that
-    cannot be used are left out and named last, with status 2.
-    """
-    _make_tidy(inputs, output, as_json=as_json)
+    asks = sys.stdin.isatty() and err.is_terminal
+    while True:
+        try:
+            with waiting("reading"):
+                found = convert(
+                    files, settings.answers(pads), settings.formats, without_faulty=True
+                )
+            unsure = next((one for one in found.faults if isinstance(one, UnsureError)), None)
+            if unsure is None or not asks:
+                return found
+        except UnsureError as error:
+            if not asks:
+                raise
+            unsure = error
+        err.print(str(unsure))
+        answer = typer.prompt(unsure.question, type=KEYS[unsure.option].kind, err=True)
+        settings = StudySettings(settings.values | {unsure.option: answer})
 
 
 def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     # imported here, so that the help does not wait for them
-    from qlvbayes.cli.reading import converted
     from qlvbayes.io.conversion import in_short, write_csv, write_tidy
     from qlvbayes.io.files import stem_of
     from qlvbayes.io.tidy import joined
@@ -142,14 +150,15 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
         raise InputError("this file would be written over", file=output, remedy=remedy)
     pads = tuple(split_names(inputs.pad_words))
     stated = inputs.chosen.states_reading
+    following = _study_of(str(output), _of_specimen(inputs.chosen), output.parent)
     if len(files) > 1 and len(pads) == 1 and not stated and all(map(is_tidy, files)):
         write_csv(joined(files, pads[0]), output)
         if as_json:
             tests = [{"file": str(one), "pad": pads[0], "test": stem_of(one)} for one in files]
             print(json.dumps(tests))
-        else:
-            out.print(f"wrote {output}: {len(files)} tests of pad {pads[0]}")
-            _print_next([_study_of(str(output), _of_specimen(inputs.chosen), output.parent)])
+            return
+        out.print(f"wrote {output}: {len(files)} tests of pad {pads[0]}")
+        _print_next([following])
         return
     conversion = converted(files, inputs.chosen, pads)
     write_tidy(conversion, output)
@@ -160,7 +169,7 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     else:
         out.print(*in_short(conversion.notices), sep="\n", soft_wrap=True)
         out.print(f"wrote {output}, picture {picture}")
-        _print_next([_study_of(str(output), _of_specimen(inputs.chosen), output.parent)])
+        _print_next([following])
     if conversion.faults:
         sys.stdout.flush()
         _stop_without(conversion, files, inputs.pad_words)
@@ -182,8 +191,6 @@ def _stop_without(conversion: Conversion, files: list[Path], pads: str) -> NoRet
 
 def _studies(source: Source) -> tuple[list[Measurements], list[str]]:
     """Return the measurements of each file, or of machines' files together; and the refusals."""
-    from dataclasses import replace
-
     from qlvbayes.io.data import Measurements
 
     by_file: dict[str, Measurements] = {}
@@ -209,15 +216,11 @@ def _print_guesses(study: Measurements, inputs: InputOptions, *, as_json: bool) 
     bonded = study.units.bonded_default if chosen["bonded"] is None else chosen["bonded"]
     for pad in study.pads:
         with waiting("fitting once"):
-            experiment = prepare(
-                pad, keep_all_readings=bool(chosen["keep-all-readings"]), use=chosen["use"],
-                leave_out=chosen["leave-out"],
-            )  # fmt: skip
-            guess = first_guess(experiment, Choices(bonded=bonded))
+            guess = first_guess(prepare(pad, **chosen.readings), Choices(bonded=bonded))
         (err if as_json else out).print(f"pad {pad.name}: {guess.sentence}", soft_wrap=True)
 
 
-def _files(study: Measurements, paths: Sequence[Path], source: Source) -> tuple[str, ...]:
+def _files(study: Measurements, source: Source) -> tuple[str, ...]:
     """Return the files that measurements came from."""
     if source.conversion is None:
         return (study.source,)
@@ -236,7 +239,7 @@ def _next(
     """Return the commands to go on with, as they are typed."""
     if source.conversion is None:
         return (_study_of(study.source, arguments),)
-    files = _files(study, inputs.paths, source)
+    files = _files(study, source)
     pads = ["--pad", inputs.pad_words] if inputs.pad_words else []
     reading = [*files, *pads, *inputs.chosen.arguments()]
     return (
@@ -286,19 +289,15 @@ def _tests(pad: PadSeen, units: UnitSystem) -> Table:
 
     fluid = f", {pad.fluid}" if pad.fluid else ""
     title = f"pad {pad.pad}{fluid}: {len(pad.tests)} test{'' if len(pad.tests) == 1 else 's'}"
-    table = Table(title=title, title_justify="left", title_style="bold")
     depth = units.displacement_name if units.dimensionless else f"depth {units.displacement}"
-    table.add_column("test", overflow="fold")
-    table.add_column("role")
-    for name in (f"speed {units.speed}", depth, f"{units.force_name} {units.force}"):
-        table.add_column(name, justify="right")
-    table.add_column("what the platen does")
-    table.add_column("readings, interval")
     left = any(test.left_out for test in pad.tests)
-    if left:
-        table.add_column("left out", justify="right")
+    made = table(
+        title, "test", "role", f">speed {units.speed}", f">{depth}",
+        f">{units.force_name} {units.force}", "what the platen does", "readings, interval",
+        *[">left out"] * left,
+    )  # fmt: skip
     for test in pad.tests:
-        table.add_row(
+        made.add_row(
             test.test,
             test.role,
             "" if test.rate is None else plain(test.rate),
@@ -308,19 +307,17 @@ def _tests(pad: PadSeen, units: UnitSystem) -> Table:
             test.sampling.replace(" rows", "").replace(" a row", ""),
             *([str(test.left_out) if test.left_out else ""] if left else []),
         )
-    return table
+    return made
 
 
 def _shown(title: str, shown: Sequence[Shown]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for name in ("part of the model", "shown", "because", "what would show it"):
-        table.add_column(name)
+    made = table(title, "part of the model", "shown", "because", "what would show it")
     for one in shown:
         names = ", ".join(name for name in (*one.constants, *one.effects) if name != one.about)
-        table.add_row(
+        made.add_row(
             f"{one.about} ({names})" if names else one.about,
             Text(one.answer, style=_STYLES[one.answer]),
             one.reason,
             one.remedy,
         )
-    return table
+    return made

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes import __version__
-from qlvbayes.cli.command import Command
+from qlvbayes.cli.options import Command
 from qlvbayes.io.files import bundled
 from qlvbayes.io.wording import as_typed, joined, visible
 from qlvbayes.parallel.running import FailedError, fault_of
@@ -22,34 +22,32 @@ from qlvbayes.plots.catalogue import figures_of
 
 INTERRUPTED = 130
 
-_COMMANDS = {
-    "look": "look.look_command",
-    "study": "study.study_command",
-    "fit": "fit.fit",
-    "check": "check.check",
-    "diagnose": "diagnose.diagnose_command",
-    "app": "app.app_command",
-    "compare": "compare.compare_command",
-    "design": "design.design_command",
-    "report": "report.report",
-    "export": "export.export_command",
-    "effects": "effects.effects",
-    "simulate": "simulate.simulate",
-    "benchmark": "benchmark.benchmark",
+COMMANDS = {
+    "look": "look",
+    "study": "study",
+    "fit": "study",
+    "check": "study",
+    "diagnose": "study",
+    "app": "app",
+    "compare": "compare",
+    "design": "design",
+    "report": "study",
+    "export": "export",
+    "effects": "effects",
+    "simulate": "simulate",
+    "benchmark": "benchmark",
 }
-_HIDDEN = {"convert": "look.convert_command", "predict": "predict.predict_command"}
-"""Names that scripts use, of what other commands do too: 'look -o FILE.csv', 'check --program'."""
-"""Module and function of each command: importing all takes longer than many commands run."""
+"""Module of each command's function: importing all takes longer than many commands run."""
+_ALSO = {"convert": "look", "predict": "check"}
+"""Names that scripts use, of what other commands do: 'look -o FILE.csv', 'check --program'."""
 
 
-def application(names: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
+def application(names: Iterable[str] = tuple(COMMANDS)) -> typer.Typer:
     """Return the application with some commands by name, by default all."""
     app = _empty_application()
     for name in names:
-        module, _, function = (_COMMANDS | _HIDDEN)[name].partition(".")
-        command = getattr(import_module(f"qlvbayes.cli.{module}"), function)
-        text = _help(name, inspect.getdoc(command) or "")
-        app.command(name, cls=Command, help=text, hidden=name in _HIDDEN)(command)
+        command = getattr(import_module(f"qlvbayes.cli.{COMMANDS[name]}"), name)
+        app.command(name, cls=Command, help=_help(name, inspect.getdoc(command) or ""))(command)
     return app
 
 
@@ -68,18 +66,12 @@ def overview() -> typer.Typer:
     For the list of commands, and for a word that is none of them: nothing else is imported.
     """
     app = _empty_application()
-    for name, location in _COMMANDS.items():
-        app.command(name, help=_description(*location.split(".")))(lambda: None)
+    for name, module in COMMANDS.items():
+        tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
+        functions = (one for one in tree.body if isinstance(one, ast.FunctionDef))
+        text = next(ast.get_docstring(one) for one in functions if one.name == name)
+        app.command(name, help=text)(lambda: None)
     return app
-
-
-def _description(module: str, function: str) -> str:
-    """Return a command's docstring."""
-    tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
-    functions = (
-        one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == function
-    )
-    return ast.get_docstring(next(functions)) or ""
 
 
 def _empty_application() -> typer.Typer:
@@ -113,19 +105,20 @@ def _general(
 
 def run() -> None:
     """Run the command; exit with status 2 and one line on invalid input, never a traceback."""
-    if sys.argv[1:] == ["study"]:
+    typed = [_ALSO.get(word, word) if k == 0 else word for k, word in enumerate(sys.argv[1:])]
+    if typed == ["study"]:
         file, hint = bundled("hidden.csv"), ""
         if file.exists():
             command = as_typed("qlvbayes", "study", str(file), "-o", "hidden")
             hint = f", or try a simulated pad: {command}"
         _stop(2, f"no file given; type qlvbayes study FILE.csv -o OUT{hint}")
-    names = [word for word in _arguments()[:1] if word in _COMMANDS | _HIDDEN]
+    names = [word for word in (_completed() or typed)[:1] if word in COMMANDS]
     app = application(names) if names else overview()
     if os.environ.get("QLVBAYES_DEBUG"):
-        app()
+        app(typed)
     try:
         try:
-            app()
+            app(typed)
         finally:
             sys.stdout.flush()  # here, where a closed pipe is still caught
     except SystemExit as stop:
@@ -141,15 +134,13 @@ def run() -> None:
         _stop(fault.status, fault.text)
 
 
-def _arguments() -> list[str]:
-    """Return the arguments; of a line to be completed by a shell only if it ends in an option.
+def _completed() -> list[str]:
+    """Return the words of a line to be completed by a shell, if it ends in an option.
 
     A command's options take a second or more to import, and file names the shell completes alone.
     """
-    if "_QLVBAYES_COMPLETE" not in os.environ:
-        return sys.argv[1:]
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
-    words = line.split()[1:]
+    words = line.split()[1:] if "_QLVBAYES_COMPLETE" in os.environ else []
     return words if words and words[-1].startswith("-") else []
 
 

@@ -1,20 +1,22 @@
-"""Define options that several commands share.
+"""Define options that several commands share, and the class of all commands.
 
 What their help does not need is imported where it is used: a model takes seconds to import.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, is_dataclass
+from functools import cached_property, wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
-from qlvbayes.cli.settings import StudySettings
+from qlvbayes.cli.settings import FILE, StudySettings, expanded, help_lines
 from qlvbayes.io.checks import InputError, meant
 from qlvbayes.io.runtime import cores
 from qlvbayes.io.wording import listed
@@ -24,6 +26,7 @@ from qlvbayes.parallel.running import Shard
 if TYPE_CHECKING:
     from qlvbayes.pipeline.source import Source
 
+STYLE = "--style FILE: a Matplotlib style file (.mplstyle) for the figures, over the package's own."
 Pads = Annotated[str, typer.Option("--pads", "--pad", help="Only these pads, as 'B,C'.")]
 OnePad = Annotated[str, typer.Option("--pads", "--pad", help="The pad. Default: the only one.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
@@ -95,6 +98,54 @@ SettingsSeed = Annotated[
 ]
 
 
+class Command(TyperCommand):
+    """Command whose settings may be given as options, and whose figures take a style."""
+
+    def __init__(self, *words: Any, **options: Any) -> None:
+        if lines := help_lines(str(options.get("name"))):
+            head = f"Settings, in {FILE} or as options:"
+            options["epilog"] = "\n\n".join((head, *lines, STYLE))
+        super().__init__(*words, **options)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of the command line, and draw its figures in the style of ``--style``."""
+        left = list(args)
+        place = next((k for k, x in enumerate(left) if x.partition("=")[0] == "--style"), len(left))
+        equals, file = left[place].partition("=")[1:] if place < len(left) else ("", "")
+        if equals or place + 1 < len(left):
+            file = file if equals else left[place + 1]
+            del left[place : place + (1 if equals else 2)]
+            # imported here, so that commands do not wait for matplotlib
+            from qlvbayes.plots.style import using
+
+            ctx.with_resource(using(Path(file)))
+        return super().parse_args(ctx, expanded(self.name or "", left))
+
+
+def with_groups(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with one option for each field of those parameters that are dataclasses."""
+    own = signature(command, eval_str=True)
+    kinds: dict[str, Any] = {name: one.annotation for name, one in own.parameters.items()}
+    grouped = [name for name, kind in kinds.items() if is_dataclass(kind)]
+    groups = {name: signature(kinds[name], eval_str=True).parameters for name in grouped}
+    single = [
+        option.replace(kind=Parameter.KEYWORD_ONLY)
+        for name, one in own.parameters.items()
+        for option in groups.get(name, {name: one}).values()
+    ]
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        for name, options in groups.items():
+            values = {option: given.pop(option) for option in options}
+            given[name] = kinds[name](**values)
+        command(**given)
+
+    run.__signature__ = own.replace(parameters=single)  # type: ignore[attr-defined]
+    run.__annotations__ = {one.name: one.annotation for one in single}
+    return run
+
+
 @dataclass(frozen=True)
 class WorkOptions:
     """Options that say which workers do the work, and which part of it."""
@@ -141,7 +192,7 @@ class InputOptions:
 
     def source(self, part: Shard | None = None) -> Source:
         """Return the pads of the files; InputError on an unknown name in a single file."""
-        from qlvbayes.cli.reading import converted
+        from qlvbayes.cli.look import converted
         from qlvbayes.pipeline.source import Source
 
         settings = self.chosen

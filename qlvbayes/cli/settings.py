@@ -11,7 +11,9 @@ import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import msgspec
 
 from qlvbayes.io.catalogue import ELASTIC, METHODS, MOST_MODES, NOISES, RELAXATION
 from qlvbayes.io.checks import InputError, check_known
@@ -31,11 +33,14 @@ FILE = "study.toml"
 PRONY = next(iter(RELAXATION))  # the only one that takes a number of modes
 
 
+SEVERAL = tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Key:
     """A key of the file: what it holds, and what it is for."""
 
-    kind: type  # str, float, int, bool, Path, or tuple for several texts
+    kind: Any  # str, float, int, bool, Path or SEVERAL
     what: str
     part: str  # the part of a command that uses it
 
@@ -69,11 +74,11 @@ KEYS = {
         "spikes, a stuck or clipped channel; without it they are left out and named", "tests",
     ),
     "use": Key(
-        tuple, "the part of a test that is used, as 'TEST:0..18mm' or 'TEST:0..12s': what lies "
+        SEVERAL, "the part of a test that is used, as 'TEST:0..18mm' or 'TEST:0..12s': what lies "
         "before and behind it is left out; repeatable", "tests",
     ),
     "leave-out": Key(
-        tuple, "a part of a test whose force does not count while its motion does, as "
+        SEVERAL, "a part of a test whose force does not count while its motion does, as "
         "'TEST:30..45s', 'TEST:0..0.1mm' or 'TEST:hold 2'; repeatable", "tests",
     ),
     "bonded": Key(
@@ -81,7 +86,7 @@ KEYS = {
         "loose for displacement and force, bonded for strain and stress", "tests",
     ),
     "add": Key(
-        tuple, "an effect to put into the model, as 'viscous_drag'; repeatable", "model"
+        SEVERAL, "an effect to put into the model, as 'viscous_drag'; repeatable", "model"
     ),
     "elastic": Key(str, f"elastic law, one of {', '.join(ELASTIC)}", "model"),
     "relaxation": Key(
@@ -93,8 +98,8 @@ KEYS = {
         bool, "take every test to begin with a pad at rest: assume no effect of the test before",
         "model",
     ),
-    "prior": Key(tuple, "a prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable", "model"),
-    "fix": Key(tuple, "a fixed constant, as 'v[2]=0.14'; repeatable", "model"),
+    "prior": Key(SEVERAL, "a prior, as 'v[1]=lognormal(1.8,0.5)'; repeatable", "model"),
+    "fix": Key(SEVERAL, "a fixed constant, as 'v[2]=0.14'; repeatable", "model"),
     "effects-file": Key(Path, "a Python file with effects of your own", "model"),
     "laws-file": Key(Path, "a Python file with laws of your own", "model"),
     "method": Key(str, f"way to the constants, one of {', '.join(METHODS)}", "method"),
@@ -113,15 +118,19 @@ KEYS = {
 }  # fmt: skip
 """All keys but those that are options of their own: files, pads and seed."""
 
-_OLD = {"test": "tests"}  # other spellings of options
 PARTS = {
     "look": ("reading", "tests"),
-    "convert": ("reading",),
     "study": ("reading", "tests", "model", "sampling", "diagnosis", "tables"),
     "fit": ("reading", "tests", "model", "method", "sampling", "tables"),
     "diagnose": ("reading", "tests", "model", "diagnosis"),
 }
-_STUDY = ("files", "pads", "seed")  # keys of the file that are arguments and options of their own
+"""Parts of the keys that a command uses."""
+_ARGUMENTS = {
+    "files": Key(SEVERAL, "a list of files", ""),
+    "pads": Key(str, "a text", ""),
+    "seed": Key(Annotated[int, msgspec.Meta(ge=0)], "a number of 0 or more", ""),
+}
+"""Keys of the file that are arguments and options of their own."""
 
 
 def keys_of(command: str) -> dict[str, Key]:
@@ -137,7 +146,8 @@ def expanded(command: str, words: Sequence[str]) -> list[str]:
         if word == "--":
             return [*given, word, *left]
         option, equals, value = word.partition("=")
-        name = _OLD.get(option[2:], option[2:]) if option.startswith("--") else ""
+        name = option[2:] if option.startswith("--") else ""
+        name = "tests" if name == "test" else name
         if name == "loose" and "bonded" in known:
             given += ["--set", "bonded=false"]
         elif name in known and known[name].kind is bool and not equals:
@@ -167,7 +177,6 @@ class StudySettings:
     @classmethod
     def from_options(cls, file: Path | None, options: Iterable[str]) -> StudySettings:
         """Return the settings of a file, with those of options in their place."""
-        values = {} if file is None else _read(file)
         named: dict[str, Any] = {}
         modes = None
         for text in options:
@@ -178,15 +187,19 @@ class StudySettings:
             if name == "modes":
                 modes = value
                 continue
-            read = _from_text(name, _known(name), value)
-            named[name] = (*named.get(name, ()), *read) if isinstance(read, tuple) else read
+            check_known("setting", name, KEYS)
+            if KEYS[name].kind is SEVERAL:
+                named[name] = (*named.get(name, ()), value)
+            else:
+                named[name] = _as_kind(name, KEYS[name], value, Path())
         if modes is not None:
             named["relaxation"] = _with_modes(named.get("relaxation"), modes)
-        return cls(values | named)
+        return cls((_read(file) if file else {}) | named)
 
     def __getitem__(self, name: str) -> Any:
         """Return a value; None where it is not given, and () of those that may be several."""
-        return self.values.get(name, () if name in KEYS and KEYS[name].kind is tuple else None)
+        several = name in KEYS and KEYS[name].kind is SEVERAL
+        return self.values.get(name, () if several else None)
 
     @property
     def states_reading(self) -> bool:
@@ -216,29 +229,29 @@ class StudySettings:
         given = [name for name in KEYS if KEYS[name].part == "reading" and name in self.values]
         return [word for name in given for word in (f"--{name}", str(self.values[name]))]
 
+    @property
+    def readings(self) -> dict[str, Any]:
+        """Return which readings count, as arguments of `qlvbayes.motion.experiment.prepare`."""
+        keep = bool(self["keep-all-readings"])
+        return {"keep_all_readings": keep, "use": self["use"], "leave_out": self["leave-out"]}
+
     def choices(self, study: Measurements) -> Choices:
         """Return the model's description; raise InputError where a setting cannot be used."""
         from qlvbayes.model.choices import Choices
 
         law, modes = relaxation_of(self["relaxation"])
-        bonded = self["bonded"]
-        file = {name: _path(self[f"{name}-file"]) for name in ("laws", "effects")}
+        bonded = study.units.bonded_default if self["bonded"] is None else self["bonded"]
+        files: dict[str, Any] = {
+            f"{what}_file": str(self[f"{what}-file"].resolve())
+            for what in ("laws", "effects")
+            if self[f"{what}-file"]
+        }
         return Choices(
-            elastic=self["elastic"] or next(iter(ELASTIC)),
-            modes=modes,
-            relaxation=law,
-            laws_file=file["laws"],
-            noise=self["noise"] or next(iter(NOISES)),
-            priors=self["prior"],
-            fixed=self["fix"],
-            bonded=study.units.bonded_default if bonded is None else bonded,
-            effects=self["add"],
-            effects_file=file["effects"],
-            rested=bool(self["rested"]),
-            keep_all_readings=bool(self["keep-all-readings"]),
-            use=self["use"],
-            leave_out=self["leave-out"],
-        )
+            elastic=self["elastic"] or next(iter(ELASTIC)), modes=modes, relaxation=law,
+            noise=self["noise"] or next(iter(NOISES)), priors=self["prior"], fixed=self["fix"],
+            bonded=bonded, effects=self["add"], rested=bool(self["rested"]), **self.readings,
+            **files,
+        )  # fmt: skip
 
     def choices_of(self, source: Source) -> Choices:
         """Return the model's description for pads; raise InputError also on an unknown test.
@@ -271,9 +284,9 @@ class StudySettings:
         from qlvbayes.diagnosis.settings import DiagnosisSettings
 
         tolerance = self["tolerance"]
-        return DiagnosisSettings() if tolerance is None else DiagnosisSettings(
-            tolerance=share_of(tolerance)
-        )  # fmt: skip
+        if tolerance is None:
+            return DiagnosisSettings()
+        return DiagnosisSettings(tolerance=share_of(tolerance))
 
     def write(self, out: Path, files: Sequence[Path], pads: str, seed: int) -> None:
         """Write ``out/study.toml``, from which the same study is run again."""
@@ -323,59 +336,29 @@ def _read(file: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"no TOML: {error}", file=file, remedy='write KEY = "VALUE"') from error
     values: dict[str, Any] = {}
+    known = KEYS | _ARGUMENTS
     for written, value in content.items():
         name = written.replace("_", "-")
         try:
-            values[name] = _checked(name, value, file.parent)
+            check_known("setting", name, known)
+            values[name] = _as_kind(name, known[name], value, file.parent)
         except InputError as error:
             raise InputError(error.message, file=file, remedy=error.remedy) from None
+    if "files" in values:
+        values["files"] = tuple(file.parent / one for one in values["files"])
     return values
 
 
-def _checked(name: str, value: Any, folder: Path) -> Any:
-    if name == "files" and isinstance(value, list):
-        return tuple(folder / str(one) for one in value)
-    if name == "pads" and isinstance(value, str):
-        return value
-    if name == "seed" and isinstance(value, int) and value >= 0:
-        return value
-    kind = _known(name) if name not in _STUDY else None
-    if kind is tuple and isinstance(value, list) and all(isinstance(one, str) for one in value):
-        return tuple(value)
-    if kind is Path and isinstance(value, str):
-        return folder / value
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind in (str, int, bool) and type(value) is kind:
-        return value
-    if kind is str and type(value) in (int, float):
-        return str(value)
-    raise InputError(f"{name} is {value!r}", remedy=f"it is {_said(name)}")
-
-
-def _known(name: str) -> type:
-    check_known("setting", name, (*KEYS, *_STUDY))
-    return KEYS[name].kind if name in KEYS else str
-
-
-def _said(name: str) -> str:
-    return KEYS[name].what if name in KEYS else "a list of files, a text, a number"
-
-
-def _from_text(name: str, kind: type, text: str) -> Any:
-    if kind is tuple:
-        return (text,)
-    if kind is bool:
-        check_known("answer", text.lower(), ("true", "false"))
-        return text.lower() == "true"
+def _as_kind(name: str, key: Key, given: Any, folder: Path) -> Any:
+    """Return what a file or an option gives, as the kind of its key; paths count from a folder."""
+    if key.kind is str and type(given) in (int, float):
+        return str(given)
+    kind = str if key.kind is Path else key.kind
     try:
-        return kind(text)
-    except ValueError:
-        raise InputError(f"--{name} {text!r} is no number", remedy=f"it is {_said(name)}") from None
-
-
-def _path(file: Path | None) -> str | None:
-    return None if file is None else str(file.resolve())
+        value = msgspec.convert(given, kind, strict=not isinstance(given, str))
+    except msgspec.ValidationError:
+        raise InputError(f"{name} is {given!r}", remedy=f"it is {key.what}") from None
+    return folder / value if key.kind is Path else value
 
 
 def _as_toml(value: Any) -> str:

@@ -9,30 +9,18 @@ import numpy as np
 import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
-from qlvbayes.cli.options import split_names
+from qlvbayes.cli.options import Seed, split_names
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.simulate import (
     NOISES,
     PROTOCOLS,
     SPECIMENS,
-    Constants,
-    Effect,
     parse_effect,
     simulate_file,
     specimens_of,
 )
 
-LoadCell = Annotated[
-    str,
-    typer.Option(
-        "--load-cell", "--noise", help=f"Noise of the load cell, one of {', '.join(NOISES)}."
-    ),
-]
-
-_DRAWN, _SPECIMENS = (
-    1,
-    2,
-)  # keys of random streams for effects and specimens, apart from the noise's
+_DRAWN, _SPECIMENS = 1, 2  # random streams for effects and specimens, apart from the noise's
 
 
 def simulate(
@@ -49,11 +37,16 @@ def simulate(
     loads: Annotated[
         str, typer.Option(help="Loads in N: each adds a creep test, whose force is prescribed.")
     ] = "",
-    noise: LoadCell = "correlated",
+    noise: Annotated[
+        str,
+        typer.Option(
+            "--load-cell", "--noise", help=f"Noise of the load cell, one of {', '.join(NOISES)}."
+        ),
+    ] = "correlated",
     max_rows: Annotated[
         int | None, typer.Option(help="Rows a test at most, thinned as a logger does.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Makes a run repeat.")] = 0,
+    seed: Seed = 0,
     protocol: Annotated[str, typer.Option(help=f"One of {', '.join(PROTOCOLS)}.")] = "paper",
     hide: Annotated[
         list[str] | None,
@@ -86,33 +79,19 @@ def simulate(
     speeds = () if rates == "none" else _positive_values(rates, "rates", "0.1,1,20")
     if not (speeds or weights):
         raise InputError("no test to simulate", remedy="give --rates or --loads")
+    top_speed, rng = max(speeds, default=1.0), np.random.default_rng([seed, _DRAWN])
+    first = next(iter(constants.values()), None)
+    hidden = [
+        parse_effect(word, first, PROTOCOLS[protocol], top_speed, rng)
+        for word in (hide or [])
+        if first is not None
+    ]
     with waiting("simulating"):
         simulate_file(
-            output,
-            constants,
-            speeds,
-            NOISES[noise],
-            seed,
-            max_rows,
-            command_line(),
-            _effects(hide or [], constants, protocol, max(speeds, default=1.0), seed),
-            protocol,
-            answer,
-            weights,
-            groups,
-        )
+            output, constants, speeds, NOISES[noise], seed, max_rows, command_line(), hidden,
+            protocol, answer, weights, groups,
+        )  # fmt: skip
     out.print(f"wrote {output}")
-
-
-def _effects(
-    words: list[str], pads: dict[str, Constants], protocol: str, top_speed: float, seed: int
-) -> list[Effect]:
-    """Return the effects as given, or drawn for the first pad."""
-    rng = np.random.default_rng([seed, _DRAWN])
-    first = next(iter(pads.values()), None)
-    if first is None:
-        return []
-    return [parse_effect(word, first, PROTOCOLS[protocol], top_speed, rng) for word in words]
 
 
 def _positive_values(text: str, what: str, example: str) -> tuple[float, ...]:

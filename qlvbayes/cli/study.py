@@ -1,20 +1,74 @@
-"""``qlvbayes study``: every step from measurements to the report."""
+"""``qlvbayes study``, and its steps as commands: ``fit``, ``check``, ``diagnose``, ``report``.
+
+What the help does not need is imported in the functions.
+"""
 
 from __future__ import annotations
 
-from qlvbayes.cli.command import with_groups
-from qlvbayes.cli.console import command_line, out
-from qlvbayes.cli.options import InputOptions, Out, SettingsSeed, WorkOptions
-from qlvbayes.parallel.running import FailedError
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from qlvbayes.cli.console import command_line, out, waiting
+from qlvbayes.cli.options import (
+    AsJson,
+    Data,
+    Fitted,
+    InputOptions,
+    Jobs,
+    Out,
+    Pads,
+    Seed,
+    SettingsSeed,
+    WorkOptions,
+    engine_of_jobs,
+    known_names,
+    with_groups,
+)
+from qlvbayes.io.catalogue import METHODS
+from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.parallel.running import FailedError, Fault
+
+if TYPE_CHECKING:
+    from qlvbayes.model.choices import Choices
+    from qlvbayes.pipeline.steps import Step
+
+AllTests = Annotated[bool, typer.Option("--all-tests", help="Fit every test.")]
+Program = Annotated[
+    str,
+    typer.Option(
+        help="A motion or a load of your own: a CSV file with time_s and displacement_mm, or "
+        "time_s and force_N; or text, as 'ramp 1.6 mm at 20 mm/s, hold 30 s, sine 0.1 mm 1 Hz 10 "
+        "cycles' or 'force 1 N in 0.1 s, hold 30 s'."
+    ),
+]
+Which = Annotated[
+    str,
+    typer.Option(
+        "--hypotheses",
+        help="Of a program: averaged over all that 'diagnose' left, where that was done; fitted: "
+        "the model that 'fit' sampled, alone.",
+    ),
+]
+Gather = Annotated[
+    bool,
+    typer.Option(
+        "--gather",
+        help="First make tables and comparisons of the pads that are there: after a run in parts "
+        "(--shard).",
+    ),
+]
+References = Annotated[
+    Path | None,
+    typer.Option(help="With --gather: values to show next to the constants, as of 'fit'."),
+]
 
 
 @with_groups
-def study_command(
-    inputs: InputOptions,
-    output: Out,
-    *,
-    work: WorkOptions,
-    seed: SettingsSeed = None,
+def study(
+    inputs: InputOptions, output: Out, *, work: WorkOptions, seed: SettingsSeed = None
 ) -> None:
     """Do everything: fit, check, diagnose, add what is missing, refit, check, compare, report.
 
@@ -24,7 +78,6 @@ def study_command(
     OUT/<pad> holds the plain model. OUT/report.html has all results in one file, and OUT/study.toml
     all that was chosen: 'study --settings OUT/study.toml' repeats it.
     """
-    # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal
     from qlvbayes.diagnosis.phrases import terminal_line
     from qlvbayes.pipeline.run import run_study
@@ -40,16 +93,10 @@ def study_command(
     with work.engine() as engine:
         try:
             verdicts = run_study(
-                source,
-                output,
-                choices=chosen.choices,
-                settings=sampler,
-                thresholds=thresholds,
-                watcher=watcher,
-                command=command_line(),
-                references=chosen["references"],
+                source, output, choices=chosen.choices, settings=sampler, thresholds=thresholds,
+                watcher=watcher, command=command_line(), references=chosen["references"],
                 client=engine,
-            )
+            )  # fmt: skip
         except FailedError as error:
             failed, verdicts = error, error.results
     for result in verdicts:
@@ -63,3 +110,183 @@ def study_command(
     watcher.took()
     if failed is not None:
         raise failed
+
+
+@with_groups
+def fit(
+    inputs: InputOptions,
+    output: Out,
+    all_tests: AllTests = False,
+    *,
+    work: WorkOptions,
+    seed: SettingsSeed = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit the QLV model to each pad's tests whose role is 'fit'; sample its posterior.
+
+    Leaves OUT/<pad>/posterior.nc (ArviZ), summary.json and the figures FIGURES; of
+    all pads in OUT the figure constants, constants.csv and constants.tex. Figures are PNG and PDF.
+    An interrupted run resumes when the same command is given again; pads that are finished are not
+    fitted again.
+    """
+    from qlvbayes.pipeline.steps import FitStep
+
+    chosen = inputs.chosen
+    sampler, method = chosen.sampler(chosen.seed(seed)), chosen["method"] or METHODS[0]
+    check_known("method", method, METHODS)
+    used = {"method": method, "all_tests": all_tests, "sampler": sampler}
+
+    def step(choices: Choices) -> Step:
+        return FitStep(choices, method, all_tests, sampler)
+
+    _run_step(step, inputs, output, work, seed=sampler.seed, used=used, as_json=as_json)
+
+
+@with_groups
+def diagnose(
+    inputs: InputOptions,
+    output: Out,
+    *,
+    work: WorkOptions,
+    seed: SettingsSeed = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which physical effect the model lacks, with a probability, or that none can be named.
+
+    Looks at all tests of each pad together. Leaves OUT/<pad>/diagnosis.json, diagnosis.txt and the
+    figures FIGURES.
+    """
+    from qlvbayes.pipeline.steps import DiagnoseStep
+
+    chosen = inputs.chosen
+    number, thresholds = chosen.seed(seed), chosen.thresholds()
+
+    def step(choices: Choices) -> Step:
+        return DiagnoseStep(choices, number, thresholds)
+
+    used = {"thresholds": thresholds}
+    _run_step(step, inputs, output, work, seed=number, used=used, as_json=as_json)
+
+
+def _run_step(
+    step: Callable[[Choices], Step],
+    inputs: InputOptions,
+    output: Path,
+    work: WorkOptions,
+    *,
+    seed: int,
+    used: dict[str, Any],
+    as_json: bool,
+) -> None:
+    """Do one step of every pad, record the run with what it ``used``, and print where it is."""
+    from qlvbayes.cli.terminal import Terminal, show_done
+    from qlvbayes.fitting.results import record_run
+    from qlvbayes.pipeline.derived import draw_constants, find_references
+    from qlvbayes.pipeline.many import run_steps
+
+    chosen, watcher = inputs.chosen, Terminal(quiet=as_json)
+    source = watcher.reading(inputs, work.part)
+    choices = chosen.choices_of(source)
+    one, references = step(choices), find_references(source.location, chosen["references"])
+    source = source.kept(output)
+    with work.engine() as engine:
+        done = run_steps(
+            output, source, lambda read: (step(chosen.choices(read)),),
+            engine=engine, watcher=watcher,
+        )  # fmt: skip
+    if done.pads:
+        record_run(output, one.name, command_line(), source.whole, choices, seed, used)
+    if done.pads and one.name == "fit" and source.shard.count == 1:
+        with waiting("figures of all pads"):
+            draw_constants(output, references)
+    show_done(output, done, one.leaves, as_json=as_json)
+    watcher.took()
+    done.raise_failed()
+
+
+@with_groups
+def check(
+    folder: Fitted,
+    pads: Pads = "",
+    data: Data = None,
+    program: Program = "",
+    hypotheses: Which = "averaged",
+    *,
+    work: WorkOptions,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Predict every test with the fitted posterior, by test and phase, against the noise floor.
+
+    Leaves OUT/<pad>/check.json, curves.json and the figures FIGURES (PNG and
+    PDF); for two pads or more the figure OUT/forces_at_rates too.
+
+    With --program it predicts what the pads will do in a motion or under a load of your own, with
+    50 and 90 % bands, and warns where that leaves what was tested; it leaves
+    OUT/<pad>/prediction.json, prediction.csv and the figure prediction.
+    """
+    if program:
+        from qlvbayes.cli.predict import predict
+
+        predict(folder, program, pads, hypotheses, as_json=as_json)
+        return
+    from qlvbayes.cli.tables import pads_table
+    from qlvbayes.cli.terminal import Terminal, show_done, show_figures
+    from qlvbayes.fitting.summary import FitSummary
+    from qlvbayes.pipeline.derived import draw_forces_at_rates
+    from qlvbayes.pipeline.many import Work, run_pads
+    from qlvbayes.pipeline.run import saved_studies
+    from qlvbayes.pipeline.steps import CheckStep
+    from qlvbayes.plots.catalogue import pictures_of
+    from qlvbayes.report.page import MOST_ON_A_PAGE
+
+    part = work.part
+    fitted = sorted(file.parent.name for file in folder.glob("*/posterior.nc"))
+    names = part.part((known_names(pads, fitted, folder) if fitted else []) or fitted)
+    if not names and part.count == 1:
+        raise InputError("no fit in this folder", file=folder, remedy="run qlvbayes fit first")
+    studies = saved_studies(folder, names, data=data)
+    step = CheckStep(seed)
+    todo = (one if isinstance(one, Fault) else Work((step,), one, folder) for one in studies)
+    with work.engine() as engine:
+        watcher = Terminal(quiet=as_json)
+        done = run_pads(folder, todo, size=len(names), engine=engine, watcher=watcher)
+    figures = [path for pad in done.pads for path in pictures_of("check", folder / pad)]
+    figures += draw_forces_at_rates(folder) if part.count == 1 and done.pads else []
+    if as_json or not done.pads:
+        show_done(folder, done, step.leaves, as_json=as_json)
+    else:
+        paths = [folder / name / "summary.json" for name in names]
+        summaries = [FitSummary.read(path) for path in paths if path.exists()]
+        if 0 < len(summaries) <= MOST_ON_A_PAGE:
+            out.print(pads_table(summaries))
+        show_figures(figures)
+    done.raise_failed()
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="The folder with the results.")],
+    gather: Gather = False,
+    jobs: Jobs = "1",
+    references: References = None,
+) -> None:
+    """Write OUT/report.html anew from what lies in OUT: one page that opens offline.
+
+    It says what was not done yet, and which command does it. With --gather parts that are not done
+    yet are left out, the same command adds them later, and pads that failed are named.
+    """
+    from qlvbayes.report.page import REPORT, write_report
+
+    if not gather:
+        with waiting("report"):
+            path = write_report(folder)
+        out.print(f"report in {path}", soft_wrap=True)
+        return
+    from qlvbayes.cli.terminal import Terminal
+    from qlvbayes.pipeline.run import gather as gathered
+
+    with engine_of_jobs(jobs) as engine:
+        done = gathered(folder, references=references, engine=engine, watcher=Terminal())
+    count = len(done.pads)
+    out.print(f"{count} pad{'' if count == 1 else 's'} in {folder}, report in {folder / REPORT}")
+    done.raise_failed()

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
+from qlvbayes.cli.console import table
 from qlvbayes.comparison.contrast import Comparison, with_interval, written
 from qlvbayes.diagnosis.phrases import parts, stage_name
 from qlvbayes.diagnosis.result import DiagnosisResult
@@ -21,14 +22,11 @@ _MOST = 8  # most hypotheses in a table
 def constants_table(summary: FitSummary) -> Table:
     """Return the table of one pad: every constant with its interval and diagnostics."""
     title = f"pad {summary.pad}: constants, by {summary.sampler}"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("constant")
-    table.add_column("unit")
-    for head in ("median", "mean", "sd", "90 % interval", "R-hat", "ESS"):
-        table.add_column(head, justify="right")
+    numbers = (">median", ">mean", ">sd", ">90 % interval", ">R-hat", ">ESS")
+    made = table(title, "constant", "unit", *numbers)
     for name, c in summary.parameters.items():
         median, low, high = with_ends(c.median, *c.hdi90)
-        table.add_row(
+        made.add_row(
             name,
             "" if c.unit == "1" else c.unit,
             median,
@@ -38,7 +36,7 @@ def constants_table(summary: FitSummary) -> Table:
             "" if c.r_hat is None else f"{c.r_hat:.3f}",
             "" if c.ess_bulk is None else f"{c.ess_bulk:.0f}",
         )
-    return table
+    return made
 
 
 def constants_line(summary: FitSummary) -> str:
@@ -52,45 +50,32 @@ def constants_line(summary: FitSummary) -> str:
 
 def pads_table(summaries: Sequence[FitSummary]) -> Table:
     """Return the table of all pads side by side: median (90 % interval)."""
-    table = Table(
-        title="constants: median (90 % interval)", title_justify="left", title_style="bold"
-    )
-    table.add_column("constant")
-    table.add_column("unit")
-    for summary in summaries:
-        table.add_column(f"pad {summary.pad}", justify="right")
+    pads = (f">pad {summary.pad}" for summary in summaries)
+    made = table("constants: median (90 % interval)", "constant", "unit", *pads)
     rows: dict[str, str] = {}
     for summary in summaries:
         rows |= {name: c.unit for name, c in summary.parameters.items()}
     for name, unit in rows.items():
         own = [summary.parameters.get(name) for summary in summaries]
         cells = ["{} ({} to {})".format(*with_ends(c.median, *c.hdi90)) if c else "" for c in own]
-        table.add_row(name, "" if unit == "1" else unit, *cells)
-    return table
+        made.add_row(name, "" if unit == "1" else unit, *cells)
+    return made
 
 
 def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
     """Return a pad's table: every test and phase over the noise floor, failing ones marked."""
     title = f"pad {check.pad}: prediction errors, noise floor {plain(check.noise)} {force_unit}"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for name in ("test", "role", "phase"):
-        table.add_column(name, no_wrap=True, overflow="fold")
-    for name in (
-        f"speed ({speed_unit})",
-        "samples",
-        f"RMSE ({force_unit})",
-        "RMSE/noise",
-        f"bias ({force_unit})",
-        "in 90 % band",
-    ):
-        table.add_column(name, justify="right")
-    table.add_column("")
+    names = ("test", "role", "phase")
+    made = table(
+        title, *names, f">speed ({speed_unit})", ">samples", f">RMSE ({force_unit})",
+        ">RMSE/noise", f">bias ({force_unit})", ">in 90 % band", "", whole=names,
+    )  # fmt: skip
     before = None
     for c in check.cells:
         if before not in (None, c.test):
-            table.add_section()
+            made.add_section()
         before = c.test
-        table.add_row(
+        made.add_row(
             c.test,
             "fitted" if c.role == "fit" else "predicted",
             c.phase,
@@ -102,7 +87,7 @@ def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
             f"{100 * c.coverage90:.0f} %",
             Text("fails", style="bold red") if c.fails else "",
         )
-    return table
+    return made
 
 
 def contrasts_table(comparison: Comparison) -> Table:
@@ -110,18 +95,16 @@ def contrasts_table(comparison: Comparison) -> Table:
     one, other = comparison.names
     region = f"region {100 * comparison.region:g} %"
     title = f"{one} against {other}: medians, ratio [90 % interval], {region}"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("quantity", no_wrap=True)
-    table.add_column("unit")
-    for name in (one, other, f"{one}/{other}", "P(greater)", "P(equal)"):
-        table.add_column(name, justify="right")
-    table.add_column("answer", no_wrap=True)
+    made = table(
+        title, "quantity", "unit", f">{one}", f">{other}", f">{one}/{other}", ">P(greater)",
+        ">P(equal)", "answer", whole=("quantity", "answer"),
+    )  # fmt: skip
     before = None
     for c in comparison.contrasts:
         if before not in (None, c.group):
-            table.add_section()
+            made.add_section()
         before = c.group
-        table.add_row(
+        made.add_row(
             c.quantity + (" *" if c.extrapolated else ""),
             "" if c.unit == "1" else c.unit,
             written(c.first)[0],
@@ -131,49 +114,42 @@ def contrasts_table(comparison: Comparison) -> Table:
             f"{c.equivalence:.3f}",
             Text(c.answer, style=_STYLES[c.answer]),
         )
-    return table
+    return made
 
 
 def steps_table(result: DiagnosisResult, unit: str) -> Table:
     """Return the error after each step against the noise floor."""
     title = f"pad {result.pad}: error after each step, noise floor {plain(result.noise)} {unit}"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("model")
-    for name in (
-        f"RMSE ({unit})",
-        f"RMSE on {parts(result)} left out ({unit})",
-        "over noise",
-        "log evidence",
-    ):
-        table.add_column(name, justify="right")
+    made = table(
+        title, "model", f">RMSE ({unit})", f">RMSE on {parts(result)} left out ({unit})",
+        ">over noise", ">log evidence",
+    )  # fmt: skip
     for stage in result.stages:
-        table.add_row(
+        left = stage.heldout_rmse
+        made.add_row(
             stage_name(stage, result.stages[0].base),
             to_noise(stage.rmse, result.noise),
-            "one test"
-            if stage.heldout_rmse is None
-            else to_noise(stage.heldout_rmse, result.noise),
-            "" if stage.heldout_rmse is None else f"{stage.heldout_rmse / result.noise:.2f}",
+            "one test" if left is None else to_noise(left, result.noise),
+            "" if left is None else f"{left / result.noise:.2f}",
             _one_digit(stage.log_evidence),
         )
-    return table
+    return made
 
 
 def ranking_table(result: DiagnosisResult, unit: str) -> Table:
     """Return what the plain model may lack, likeliest first, over all base laws and companions."""
     title = f"pad {result.pad}: what the plain model may lack"
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("effect", no_wrap=True)
-    for name in ("probability", "certainty", "log Bayes factor", f"RMSE ({unit})"):
-        table.add_column(name, justify="right")
-    table.add_column("constants")
+    made = table(
+        title, "effect", ">probability", ">certainty", ">log Bayes factor", f">RMSE ({unit})",
+        "constants", whole=("effect",),
+    )  # fmt: skip
     for ranked in result.ranking[:_MOST]:
         name = "nothing" if ranked.effect == "none" else ranked.effect
         sure = "" if ranked.certainty is None else percent(ranked.certainty)
         factor, error = _one_digit(ranked.log_bayes_factor), to_noise(ranked.rmse, result.noise)
         constants = ", ".join(f"{name} = {e}" for name, e in ranked.parameters.items())
-        table.add_row(name, percent(ranked.inclusion), sure, factor, error, constants)
-    return table
+        made.add_row(name, percent(ranked.inclusion), sure, factor, error, constants)
+    return made
 
 
 def _one_digit(value: float | None) -> str:

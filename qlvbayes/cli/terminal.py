@@ -163,14 +163,15 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def show_done(folder: Path, done: Tally, file: str, *, as_json: bool) -> None:
-    """Print where the results are, if there are any; for machines the ``file`` of each pad."""
+def show_done(folder: Path, done: Tally, leaves: Sequence[str], *, as_json: bool) -> None:
+    """Print where the results are, if there are any; for machines the first JSON of each pad."""
     if as_json:
+        file = next(name for name in leaves if name.endswith(".json"))
         contents = (json.loads((folder / pad / file).read_bytes()) for pad in done.pads)
         print(json.dumps(list(contents), allow_nan=False))
     elif done.pads:
         out.print(f"results in {folder}")
-    elif not done.total:
+    elif not done.faults:
         out.print("there are no pads in this part")
 
 

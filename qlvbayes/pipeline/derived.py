@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,8 +28,6 @@ from qlvbayes.fitting.summary import (
     write_constants,
 )
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import read_measurements
-from qlvbayes.motion.facts import covered
 from qlvbayes.parallel.running import package_digest
 from qlvbayes.pipeline.source import REFERENCES
 from qlvbayes.pipeline.steps import FITTED, Watcher, digest_of, is_finished, record_finished
@@ -94,20 +91,9 @@ def figure_of(out: Path, comparison: Comparison) -> Path:
     return out / FOLDER / "-vs-".join(comparison.names) / "contrasts.png"
 
 
-def saved_pads(out: Path, data: Path | None = None, *, only: Sequence[str] = ()) -> list[Saved]:
+def saved_pads(out: Path, names: Sequence[str] = ()) -> list[Saved]:
     """Return the fits of named pads in a folder, by default all; InputError if there are none."""
-    names = only or fitted_pads(out)  # of many pads no others are read
-    read = cache(read_measurements)  # files of an earlier version do not say what was covered
-    fits = []
-    for name in names:
-        saved = load(out / name / "posterior.nc")
-        source = data or Path(saved.source)
-        if saved.covered is None and source.is_file():
-            pad = read(source).pad(saved.pad)
-            tested, fluid = covered(saved.choices.prepare(pad)), saved.fluid or pad.fluid
-            saved = replace(saved, covered=tested, fluid=fluid)
-        fits.append(saved)
-    return fits
+    return [load(out / name / "posterior.nc") for name in names or fitted_pads(out)]
 
 
 def fitted_pads(out: Path) -> list[str]:
@@ -138,7 +124,7 @@ def compare_few(out: Path, pads: Sequence[str], seed: int, watcher: Watcher) -> 
     if len(pads) > MOST_ON_A_PAGE:
         watcher.notice(f"{len(pads)} pads {_NOT_ALL}")
     else:
-        compare_pairs(out, [load(out / pad / "posterior.nc") for pad in pads], seed, watcher)
+        compare_pairs(out, saved_pads(out, pads), seed, watcher)
 
 
 def compare_pairs(out: Path, pads: Sequence[Saved], seed: int, watcher: Watcher) -> None:

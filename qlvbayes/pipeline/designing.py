@@ -20,13 +20,13 @@ from qlvbayes.fitting.results import Run, RunLog, Saved, load
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.catalogue import MOST_TESTS
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.runtime import one_blas_thread
 from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.pipeline.source import read_again
 from qlvbayes.pipeline.steps import Watcher
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
@@ -163,14 +163,10 @@ def _explanations(left: Hypotheses) -> Iterator[Explanation]:
     """Yield the explanations that a diagnosis left."""
     families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
     for one in left.hypotheses:
-        if not one.curve:  # of an earlier version
-            remedy = "run qlvbayes diagnose again"
-            raise InputError("no draws of the curve", file=HYPOTHESES, remedy=remedy)
         choices, cause = left.side(one).choices, families.cause(one.effects)
         model = described_model(choices, left.covered.depth)
         draws = {name: np.array(values) for name, values in one.curve.items()}
-        known = _words(choices), model, draws, one.probability, cause
-        yield Explanation.from_draws(*known)
+        yield Explanation.from_draws(_words(choices), model, draws, one.probability, cause)
 
 
 def _words(choices: Choices) -> str:
@@ -189,12 +185,6 @@ def _measured(
     pad: str, choices: Choices, known: Saved | Run | None, data: Path | None
 ) -> Experiment:
     """Return the pad's tests, of a file that is given or known from the results."""
-    source = data or Path(known.source if known else "")
-    if data is None and not source.is_file():
-        what, remedy = "the measurements are not there", "say where they are with --data FILE"
-        raise InputError(what, file=source, remedy=remedy)
-    study = read_measurements(source)
-    if known and known.sha256 not in ("", study.sha256):
-        what, remedy = "not the measurements of these results", "run qlvbayes study again"
-        raise InputError(what, file=source, remedy=remedy)
+    source, sha256 = (known.source, known.sha256) if known else ("", "")
+    study = read_again(source, sha256, data)
     return as_chosen(choices.prepare(study.pad(pad)), choices)

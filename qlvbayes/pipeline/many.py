@@ -35,17 +35,19 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Steps of one pad, one after the other, as they are sent to a worker."""
+    """Steps of one pad, one after the other, as they are sent to a worker.
+
+    ``todo`` are those that are not finished, ``style`` the Matplotlib settings of the user.
+    ``token`` is a file that only workers which share the disk can see, None where all do; for those
+    that do not, ``inputs`` are the contents of the files that the steps need.
+    """
 
     steps: tuple[Step, ...]
     study: Measurements
     out: Path
-    todo: tuple[Step, ...] = ()  # those that are not finished
-    # Matplotlib settings of the user that differ from the package's
+    todo: tuple[Step, ...] = ()
     style: dict[str, Any] = field(default_factory=dict)
-    # a file that only workers which share the disk can see, None where all of them share it
     token: Path | None = None
-    # contents of the files that the steps need, for workers that do not
     inputs: dict[str, bytes] = field(default_factory=dict)
 
     @property
@@ -75,26 +77,28 @@ class Work:
         ]  # fmt: skip
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
-    def unfinished(self) -> tuple[Step, ...]:
-        """Return the steps to do: those not finished, and those that need what these leave."""
-        todo: list[Step] = []
-        for step in self.steps:
-            record = label_of(step), self.pad, self.key(step, self.folder), self.folder
-            if not is_finished(self.out, *record) or (todo and step.needs):
-                todo.append(step)
-        return tuple(todo)
-
     def report(self, step: Step, watcher: Watcher) -> None:
         """Report the results of a step."""
         step.report(self.folder / step.within, watcher)
 
+    def ready(self, token: Path | None) -> Work:
+        """Return the work as it is sent: with the steps that are to be done, and what they need.
+
+        A step is finished if its key is that of its last run, and none that it needs is done anew.
+        """
+        work, todo = replace(self, style=_own_style(), token=token), list[Step]()
+        for step in self.steps:
+            record = label_of(step), self.pad, work.key(step, self.folder), self.folder
+            if not is_finished(self.out, *record) or (todo and step.needs):
+                todo.append(step)
+        needed = {self.folder / step.within / name for step in todo for name in step.needs}
+        known = [path for path in needed if path.exists()] if token is not None else []
+        return replace(work, todo=tuple(todo), inputs=_contents(known, self.out))
+
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """Answer of a worker: what it reported before fits, and where the disk is not shared files.
-
-    ``contents`` are by path in the folder of results.
-    """
+    """Answer of a worker: what it told before fits; files by path, where they share no disk."""
 
     starting: tuple[tuple[str, ...], ...] = ()
     contents: dict[str, bytes] = field(default_factory=dict)
@@ -107,10 +111,10 @@ class Tally:
     pads: tuple[str, ...]
     faults: tuple[Fault, ...]
 
-    @property
-    def total(self) -> int:
-        """Number of all pads."""
-        return len(self.pads) + len(self.faults)
+    def raise_failed(self, results: Sequence[Any] = ()) -> None:
+        """Raise FailedError where pads failed; ``results`` are those of the others."""
+        if self.faults:
+            raise FailedError(self.faults, len(self.pads) + len(self.faults), results)
 
 
 def run_pads(
@@ -136,13 +140,13 @@ def run_pads(
             report_count(number := next(reached), max(size, number))
 
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
-        for outcome in run_all(task, _prepared(work, token), engine, keep=keep):
+        for outcome in run_all(task, _ready(work, token), engine, keep=keep):
             if outcome.fault is not None:
                 faults.append(_with_pad(outcome.fault, outcome.item))
                 continue
-            done, one = cast(Done, outcome.answer), outcome.item
+            one = outcome.item
             pads.append(one.pad)
-            for lines in done.starting:
+            for lines in cast(Done, outcome.answer).starting:
                 watcher.starting(lines)
             for step in one.steps if engine is not None or not one.todo else ():
                 one.report(step, watcher)
@@ -160,7 +164,7 @@ def run_steps(
     """Do `run_pads` with the steps that are made for each pad's measurements, in ``out/<pad>``."""
     work = (one if isinstance(one, Fault) else Work(tuple(steps(one)), one, out) for one in source)
     tally = run_pads(out, work, size=source.size, engine=engine, watcher=watcher)
-    if not tally.total and source.only and source.shard.count == 1:
+    if not (tally.pads or tally.faults) and source.only and source.shard.count == 1:
         raise source.refusal
     return tally
 
@@ -183,52 +187,35 @@ def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> A
         return task(pad)
 
 
-def raise_failed(tally: Tally, results: Sequence[Any] = ()) -> None:
-    """Raise FailedError where pads failed; ``results`` are those of the others."""
-    if tally.faults:
-        raise FailedError(tally.faults, tally.total, results)
-
-
-def _prepared(
+def _ready(
     work: Iterable[Work | Fault], token: Path | None
 ) -> Iterator[Work | Fault | Outcome[Work, Done]]:
-    """Yield the work for the engine, complete, and outcomes for what is finished already."""
+    """Yield the work for the engine, and outcomes for what is finished already."""
     names: set[str] = set()
     for one in work:
         if isinstance(one, Fault):
             yield one
-            continue
-        if same_folder(one.pad) in names:
+        elif same_folder(one.pad) in names:
             text = f"{one.study.source}: another pad of these files is called '{one.pad}' too"
             yield Fault(f"{text}; rename the file or the pad", of=one.pad)
-            continue
-        names.add(same_folder(one.pad))
-        for name in (one.pad, Path(one.study.source).name):
-            forget_fault(one.out, name)
-        one = replace(one, style=_own_style(), token=token)
-        one = replace(one, todo=one.unfinished())
-        if not one.todo:
-            yield Outcome(one, Done())
-            continue
-        if token is not None:
-            needed = {one.folder / step.within / name for step in one.todo for name in step.needs}
-            one.inputs.update(_contents([path for path in needed if path.exists()], one.out))
-        yield one
+        else:
+            names.add(same_folder(one.pad))
+            for name in (one.pad, Path(one.study.source).name):
+                forget_fault(one.out, name)
+            ready = one.ready(token)
+            yield ready if ready.todo else Outcome(ready, Done())
 
 
 def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
     """Write the files that a worker sent back, or record the fault."""
-    if outcome.fault is not None:
+    if outcome.fault is None:
+        done = cast(Done, outcome.answer)
+        _write(done.contents, out)
+        done.contents.clear()
+        outcome.item.inputs.clear()
+    elif out.is_dir():
         fault = _with_pad(outcome.fault, outcome.item)
-        if out.is_dir():
-            record_fault(out, getattr(outcome.item, "pad", fault.of), fault)
-        return
-    done = cast(Done, outcome.answer)
-    for name, content in done.contents.items():
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
-        write_whole(out / name, content)
-    done.contents.clear()
-    outcome.item.inputs.clear()
+        record_fault(out, getattr(outcome.item, "pad", fault.of), fault)
 
 
 def _with_pad(fault: Fault, item: Any) -> Fault:
@@ -249,12 +236,9 @@ def _done_elsewhere(work: Work) -> Done:
             _do(work, work.out, watcher)
             return Done(tuple(watcher.lines))
         with TemporaryDirectory() as base:
-            out = Path(base)
-            for name, content in work.inputs.items():
-                (out / name).parent.mkdir(parents=True, exist_ok=True)
-                (out / name).write_bytes(content)
-            files = _do(work, out, watcher)
-            return Done(tuple(watcher.lines), _contents(files, out))
+            _write(work.inputs, Path(base))
+            files = _do(work, Path(base), watcher)
+            return Done(tuple(watcher.lines), _contents(files, Path(base)))
 
 
 class _Starting(Watcher):
@@ -292,6 +276,12 @@ def _do(
 
 def _contents(files: Iterable[Path], out: Path) -> dict[str, bytes]:
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}
+
+
+def _write(contents: dict[str, bytes], out: Path) -> None:
+    for name, content in contents.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        write_whole(out / name, content)
 
 
 def _stamps(folder: Path) -> dict[Path, tuple[int, int, int]]:

@@ -16,9 +16,8 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.residuals import CheckResult
-from qlvbayes.fitting.results import Saved, load, record_run
-from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.fitting.results import load, record_run
+from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
@@ -33,8 +32,8 @@ from qlvbayes.pipeline.derived import (
     fitted_pads,
 )
 from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Tally, map_pads, raise_failed, run_steps
-from qlvbayes.pipeline.source import Source, pad_of
+from qlvbayes.pipeline.many import Tally, map_pads, run_steps
+from qlvbayes.pipeline.source import Source, pad_of, read_again
 from qlvbayes.pipeline.steps import (
     PLAIN,
     CheckStep,
@@ -146,7 +145,7 @@ def run_study(
 
     done = run_steps(out, source, steps, engine=engine, watcher=watcher)
     if not done.pads:
-        raise_failed(done)
+        done.raise_failed()
         return []
     call = command or f"qlvbayes.run_study({Path(source.whole.source).name!r}, {out.name!r}, ...)"
     used = {"sampler": settings, "thresholds": thresholds}
@@ -154,7 +153,7 @@ def run_study(
     if whole:
         finish(out, done.pads, reference_file, settings.seed, watcher, engine)
     verdicts = [DiagnosisResult.read(out / name / "diagnosis.json") for name in done.pads]
-    raise_failed(done, verdicts)
+    done.raise_failed(verdicts)
     return verdicts
 
 
@@ -241,31 +240,13 @@ def saved_studies(
 
     ``data`` is the file or the folder of them, if they have moved since the fits.
     """
-    read = lru_cache(1)(read_measurements)  # the next pad is often in the same file
+    read = lru_cache(1)(read_again)  # the next pad is often in the same file
     for pad in pads:
         try:
             saved = load(out / pad / "posterior.nc")
-            source = _source_of(saved, data)
-            study = read(source)
-            if saved.sha256 and study.sha256 != saved.sha256:
-                what, remedy = "the file has changed since the fit", "run qlvbayes fit again"
-                raise InputError(what, file=source, remedy=remedy)
-            yield pad_of(study, saved.pad)
+            yield pad_of(read(saved.source, saved.sha256, data), saved.pad)
         except Exception as error:  # one missing file must not stop the others
             yield replace(fault_of(error), of=f"pad {pad}")
-
-
-def _source_of(saved: Saved, data: Path | None) -> Path:
-    """Return the file of a fit's measurements, or raise InputError where it is gone."""
-    source, remedy = Path(saved.source), "say where they are with --data FILE"
-    if data is not None:
-        source = data / source.name if data.is_dir() else data
-    elif not saved.source:
-        what = f"the posterior of pad {saved.pad} does not say where its measurements are"
-        raise InputError(what, remedy=remedy)
-    if not source.exists():
-        raise InputError("the measurements are no longer here", file=source, remedy=remedy)
-    return source
 
 
 def with_verdict(choices: Choices, result: DiagnosisResult) -> Choices:

@@ -281,6 +281,24 @@ def pad_of(study: Measurements, name: str) -> Measurements:
     return alone(study, study.pad(name))
 
 
+def read_again(source: str, sha256: str, data: Path | None = None) -> Measurements:
+    """Return the measurements of results, from where these say that they are, or from ``data``.
+
+    ``data`` is the file or its folder, if it has moved. InputError where it is gone or another.
+    """
+    file, remedy = Path(source), "say where they are with --data FILE"
+    if data is not None:
+        file = data / file.name if data.is_dir() else data
+    if not file.is_file():
+        where = file if file.name else None  # of results that do not say where they were
+        raise InputError("the measurements are no longer here", file=where, remedy=remedy)
+    study = read_measurements(file)
+    if sha256 not in ("", study.sha256):
+        what, remedy = "the file has changed since the fit", "run qlvbayes fit again"
+        raise InputError(what, file=file, remedy=remedy)
+    return study
+
+
 def _known(study: Measurements, named: NamesAmong) -> tuple[str, ...]:
     return tuple(study.pad(name).name for name in named([pad.name for pad in study.pads]))
 
