@@ -13,8 +13,8 @@ import msgspec
 from qlvbayes.app.events import Events
 from qlvbayes.app.failures import RefusedError, error_content, refused
 from qlvbayes.app.jobs import Job, Jobs
-from qlvbayes.app.sessions import DATA, BenchPad, HistoryState, Made, Session, Sessions
-from qlvbayes.app.warm import WarmWorker
+from qlvbayes.app.sessions import BenchPad, HistoryState, Made, Session, Sessions, source_of
+from qlvbayes.app.workers import WarmWorker
 from qlvbayes.io.files import DESCRIBED, bundled
 
 BUNDLED = {
@@ -73,7 +73,7 @@ class Actions:
             self.begin(session, [path])
             return session
         session.load()
-        source = Path(session.data) if session.data else _source_of(path)
+        source = Path(session.data) if session.data else source_of(path)
         if source is None:
             session.stage = "failed"
             session.error = error_content(
@@ -286,15 +286,3 @@ class Actions:
 def _refuse_unasked(session: Session) -> None:
     if session.stage != "asking" or session.questions is None:
         raise refused(409, "nothing is asked", "ask for the session's state")
-
-
-def _source_of(folder: Path) -> Path | None:
-    """Return the measurements of a folder of results: in it, or where its ``run.json`` says."""
-    if (folder / DATA).is_file():
-        return folder / DATA
-    try:
-        runs = json.loads((folder / "run.json").read_text())["runs"]
-        sources = [Path(run["source"]) for run in runs.values()]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-    return next((one for one in reversed(sources) if one.is_file()), None)

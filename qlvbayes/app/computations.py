@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -39,61 +39,55 @@ _SMALL = 0.5  # share of the error: a smaller mean error has no clear sign
 Answer = dict[str, Any]
 
 
-T = TypeVar("T")
+class _Once:
+    """Object that the first thread makes that asks for it; no thread waits for another object."""
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._make, self._making, self._made = make, threading.Lock(), None
+
+    def get(self) -> Any:
+        with self._making:
+            if self._made is None:
+                self._made = self._make()
+            return self._made
 
 
-class Cache(Generic[T]):
-    """Cache of the objects used last, of limited size; each is made once for all threads."""
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._kept: OrderedDict[Any, T] = OrderedDict()
-        self._looking, self._making = threading.Lock(), threading.Lock()
-
-    def get(self, key: Any, make: Callable[[], T]) -> T:
-        """Return the object for a key; a thread that finds it does not wait."""
-        if (kept := self._find(key)) is None:
-            with self._making:
-                if (kept := self._find(key)) is None:  # not made by who came first
-                    kept = make()
-                    with self._looking:
-                        self._kept[key] = kept
-                        while len(self._kept) > self._most:
-                            self._kept.popitem(last=False)
-        return kept
-
-    def _find(self, key: Any) -> T | None:
-        with self._looking:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-            return self._kept.get(key)
+@lru_cache(_STUDIES)
+def _study_once(data: str, changed: int) -> _Once:
+    return _Once(lambda: read_measurements(data))
 
 
-_studies: Cache[Measurements] = Cache(_STUDIES)
-_experiments: Cache[Experiment] = Cache(_BENCHES)
-_benches: Cache[Bench] = Cache(_BENCHES)
+@lru_cache(_BENCHES)
+def _experiment_once(data: str, changed: int, pad: str) -> _Once:
+    return _Once(lambda: prepare(_study(data).pad(pad)))
 
 
-def _study(data: str) -> Measurements:
-    """Return the measurements in a file."""
-    return _studies.get(_version(data), lambda: read_measurements(data))
-
-
-def _experiment(data: str, pad: str) -> Experiment:
-    """Return one of its pads, prepared."""
-    key = (*_version(data), pad)
-    return _experiments.get(key, lambda: prepare(_study(data).pad(pad)))
-
-
-def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
-    """Return the bench of one of its pads."""
-
+@lru_cache(_BENCHES)
+def _bench_once(data: str, changed: int, pad: str, effects_file: str | None) -> _Once:
     def make() -> Bench:
         experiment = _experiment(data, pad)
         bonded = experiment.units.bonded_default
         return Bench.from_experiment(experiment, Choices(bonded=bonded, effects_file=effects_file))
 
-    return _benches.get((*_version(data), pad, effects_file), make)
+    return _Once(make)
+
+
+def _study(data: str) -> Measurements:
+    """Return the measurements in a file."""
+    study: Measurements = _study_once(*_version(data)).get()
+    return study
+
+
+def _experiment(data: str, pad: str) -> Experiment:
+    """Return one of its pads, prepared."""
+    experiment: Experiment = _experiment_once(*_version(data), pad).get()
+    return experiment
+
+
+def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
+    """Return the bench of one of its pads."""
+    bench: Bench = _bench_once(*_version(data), pad, effects_file).get()
+    return bench
 
 
 def _version(data: str) -> tuple[str, int]:
@@ -143,12 +137,8 @@ def open_pad(data: str, pad: str, effects_file: str | None, first: bool) -> Answ
 def _units(experiment: Experiment) -> Answer:
     units = experiment.units
     names = {"force": units.force_name, "displacement": units.displacement_name}
-    return {
-        "force": units.force,
-        "displacement": units.displacement,
-        "speed": units.speed,
-        "names": names,
-    }
+    shown = {name: getattr(units, name) for name in ("force", "displacement", "speed")}
+    return shown | {"names": names}
 
 
 def measured(data: str, pad: str, effects_file: str | None) -> Answer:
@@ -254,13 +244,10 @@ def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
         {"name": trial.name, "mean": _short(mean), "low": _short(low), "high": _short(high)}
         for trial, (low, mean, high) in zip(bench.samples.trials, forces, strict=True)
     ]
-    described = msgspec.to_builtins(model) | {"values": None}
     return {
-        "model": described,
-        "converged": summary.converged,
-        "summary": summary.as_dict(),
-        "tests": tests,
-    }
+        "model": msgspec.to_builtins(model) | {"values": None}, "converged": summary.converged,
+        "summary": summary.as_dict(), "tests": tests,
+    }  # fmt: skip
 
 
 CALLS: dict[str, Callable[..., Any]] = {

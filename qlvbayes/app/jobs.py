@@ -1,4 +1,4 @@
-"""Run long work, each in a worker of its own: a queue, one spare worker, progress, cancelling."""
+"""Run long work, each in a worker of its own: a queue, progress, cancelling."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from typing import Any
 
 from qlvbayes.app.events import Events
 from qlvbayes.app.failures import ErrorContent, RefusedError, error_content, refused
-from qlvbayes.app.protocol import Worker
+from qlvbayes.app.workers import Worker
 
-MODULE = "steps"
 AT_ONCE = max(1, min(2, (os.cpu_count() or 1) - 1))
 """Jobs that run together, with one core left for the page."""
 _LISTED = 50  # jobs of a session that are kept once they are over
@@ -56,12 +55,6 @@ class Jobs:
         self._jobs: list[Job] = []
         self._numbers = count(1)
         self._turn = asyncio.Semaphore(AT_ONCE)
-        self._spare: asyncio.Task[Worker] | None = None
-
-    def warm(self) -> None:
-        """Start a worker that is ready for the next job."""
-        if self._spare is None:
-            self._spare = asyncio.create_task(Worker.spawn(MODULE))
 
     async def close(self) -> None:
         """End every worker."""
@@ -69,8 +62,6 @@ class Jobs:
             if job.task is not None:
                 job.task.cancel()
         await asyncio.gather(*(job.task for job in self._jobs if job.task), return_exceptions=True)
-        if self._spare is not None:
-            await (await self._spare).kill()
 
     def add(
         self, session: str, kind: str, pad: str | None, spec: dict[str, Any],
@@ -156,11 +147,8 @@ class Jobs:
             self._publish(one)
 
     async def _work(self, job: Job) -> None:
-        """Do a job in the spare worker, or a new one, and end that."""
-        self.warm()
-        assert self._spare is not None
-        spare, self._spare = self._spare, None
-        job.worker = await spare
+        """Do a job in a worker, and end that."""
+        job.worker = await Worker.spawn("steps")
         try:
             await job.worker.call(job.kind, lambda line: self._on_progress(job, line), **job.spec)
             await job.finished(job)
@@ -172,7 +160,6 @@ class Jobs:
             raise RefusedError(500, content) from None
         finally:
             await asyncio.shield(_end(job.worker, job))
-            self.warm()
 
     def _on_progress(self, job: Job, line: dict[str, Any]) -> None:
         if "probabilities" in line:

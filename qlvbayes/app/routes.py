@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -18,9 +18,8 @@ from starlette.routing import Route
 from qlvbayes.app.actions import BUNDLED, Actions
 from qlvbayes.app.failures import refused
 from qlvbayes.app.jobs import Job
-from qlvbayes.app.scripts import commands
 from qlvbayes.app.security import UPLOAD_LIMIT
-from qlvbayes.app.sessions import Session
+from qlvbayes.app.sessions import Session, commands
 from qlvbayes.io.files import bundled
 
 _PAGE = Path(__file__).parent / "page"
@@ -32,37 +31,41 @@ _CSV = "text/csv; charset=utf-8"
 
 
 class Routes:
-    """Routes of the server, with the answers to their requests; all state is in ``actions``."""
+    """Routes of the server, with the answers to their requests; all state is in ``actions``.
+
+    An answer is content for JSON, or a response of another kind.
+    """
 
     def __init__(self, actions: Actions) -> None:
         self.actions = actions
 
     def all(self) -> list[Route]:
         """Return all routes, each with its method, path and handler."""
-        table: list[tuple[str, str, Callable[..., Any]]] = [
-            ("GET", "/", self.page),
-            ("GET", "/s/{id}", self.page),
-            ("GET", "/static/{name}", self.static),
-            ("GET", "/api/start", self.start),
-            ("POST", "/api/sessions", self.open),
-            ("POST", "/api/upload", self.upload),
-            ("GET", "/api/s/{id}", self.state),
-            ("DELETE", "/api/s/{id}", self.forget),
-            ("GET", "/api/s/{id}/events", self.events),
-            ("POST", "/api/s/{id}/answers", self.answers),
-            ("GET", "/api/s/{id}/tidy.csv", self.tidy),
-            ("GET", "/api/s/{id}/report.html", self.report),
-            ("POST", "/api/s/{id}/jobs", self.order),
-            ("GET", "/api/s/{id}/jobs/{job}", self.job),
-            ("DELETE", "/api/s/{id}/jobs/{job}", self.cancel),
-            ("POST", "/api/s/{id}/jobs/{job}/enough", self.enough),
-            ("POST", "/api/s/{id}/pads/{pad}/open", self.open_pad),
-            ("POST", "/api/s/{id}/pads/{pad}/states", self.change),
-            ("POST", "/api/s/{id}/pads/{pad}/current", self.go_back),
-            ("GET", "/api/s/{id}/pads/{pad}/{call:str}", self.pad_file),
-            ("POST", "/api/s/{id}/pads/{pad}/{call:str}", self.model),
+        jobs, pad = "/api/s/{id}/jobs", "/api/s/{id}/pads/{pad}"
+        table: list[tuple[str, str, Callable[[Request], Awaitable[Any]]]] = [
+            ("GET", "/", self._page),
+            ("GET", "/s/{id}", self._page),
+            ("GET", "/static/{name}", self._static),
+            ("GET", "/api/start", self._start),
+            ("POST", "/api/sessions", self._open),
+            ("POST", "/api/upload", self._upload),
+            ("GET", "/api/s/{id}", self._state),
+            ("DELETE", "/api/s/{id}", self._forget),
+            ("GET", "/api/s/{id}/events", self._events),
+            ("POST", "/api/s/{id}/answers", self._answers),
+            ("GET", "/api/s/{id}/tidy.csv", self._tidy),
+            ("GET", "/api/s/{id}/report.html", self._report),
+            ("POST", jobs, self._order),
+            ("GET", f"{jobs}/{{job}}", self._job),
+            ("DELETE", f"{jobs}/{{job}}", self._cancel),
+            ("POST", f"{jobs}/{{job}}/enough", self._enough),
+            ("POST", f"{pad}/open", self._open_pad),
+            ("POST", f"{pad}/states", self._change),
+            ("POST", f"{pad}/current", self._go_back),
+            ("GET", f"{pad}/{{call:str}}", self._pad_file),
+            ("POST", f"{pad}/{{call:str}}", self._model),
         ]
-        return [Route(path, answer, methods=[method]) for method, path, answer in table]
+        return [Route(path, _answering(do), methods=[method]) for method, path, do in table]
 
     def _session(self, request: Request) -> Session:
         session = self.actions.sessions.get(request.path_params["id"])
@@ -70,13 +73,15 @@ class Routes:
             self.actions.resume(session)
         return session
 
+    def _pad(self, request: Request) -> tuple[Session, str]:
+        return self._session(request), request.path_params["pad"]
+
     # page and files
 
-    async def page(self, request: Request) -> Response:
-        """Return the one page."""
+    async def _page(self, request: Request) -> Response:
         return FileResponse(_PAGE / "index.html", media_type=_HTML)
 
-    async def static(self, request: Request) -> Response:
+    async def _static(self, request: Request) -> Response:
         """Return a static file of the page or of the report."""
         name = request.path_params["name"]
         for folder in (_PAGE, _REPORT):
@@ -87,27 +92,21 @@ class Routes:
 
     # sessions
 
-    async def start(self, request: Request) -> Response:
+    async def _start(self, request: Request) -> Any:
         """Return what the first page shows."""
-        return JSONResponse(
-            {
-                "version": _version(),
-                "bundled": [
-                    {"name": name, "text": text}
-                    for name, text in BUNDLED.items()
-                    if bundled(f"{name}.csv").is_file()
-                ],
-                "sessions": self.actions.sessions.known(),
-                "upload_limit_bytes": UPLOAD_LIMIT,
-            }
-        )
+        known = {name: text for name, text in BUNDLED.items() if bundled(f"{name}.csv").is_file()}
+        return {
+            "version": _version(),
+            "bundled": [{"name": name, "text": text} for name, text in known.items()],
+            "sessions": self.actions.sessions.known(),
+            "upload_limit_bytes": UPLOAD_LIMIT,
+        }
 
-    async def open(self, request: Request) -> Response:
+    async def _open(self, request: Request) -> Any:
         """Open a session with measurements that come with the package."""
-        session = self.actions.open_bundled(str((await _body(request)).get("open")))
-        return JSONResponse({"id": session.id})
+        return {"id": self.actions.open_bundled(str((await _body(request)).get("open"))).id}
 
-    async def upload(self, request: Request) -> Response:
+    async def _upload(self, request: Request) -> Any:
         """Open a session with the user's files."""
         async with request.form(max_files=_MOST_FILES, max_fields=_MOST_FILES) as form:
             files = [one for one in form.getlist("file") if isinstance(one, UploadFile)]
@@ -125,40 +124,35 @@ class Routes:
                     while block := await one.read(2**20):
                         await run_in_threadpool(sink.write, block)
         self.actions.begin(session, paths)
-        return JSONResponse({"id": session.id})
+        return {"id": session.id}
 
-    async def state(self, request: Request) -> Response:
-        """Return the whole state of a session."""
-        shown = self.actions.shown(self._session(request))
-        return JSONResponse(shown | {"upload_limit_bytes": UPLOAD_LIMIT})
+    async def _state(self, request: Request) -> Any:
+        return self.actions.shown(self._session(request)) | {"upload_limit_bytes": UPLOAD_LIMIT}
 
-    async def forget(self, request: Request) -> Response:
-        """Remove a session."""
+    async def _forget(self, request: Request) -> Any:
         session = self.actions.sessions.get(request.path_params["id"])
         await self.actions.jobs.cancel_all(session.id)
         self.actions.sessions.forget(session)
-        return JSONResponse({"ok": True})
+        return {"ok": True}
 
-    async def events(self, request: Request) -> Response:
-        """Return the stream of a session's events."""
+    async def _events(self, request: Request) -> Response:
         stream = self.actions.events.stream(self._session(request).id)
         return StreamingResponse(stream, media_type="text/event-stream")
 
-    async def answers(self, request: Request) -> Response:
+    async def _answers(self, request: Request) -> Any:
         """Take the answers to the questions about a file."""
         given = (await _body(request)).get("answers")
         if not isinstance(given, dict):
             raise refused(422, "there are no answers", "see docs/app.md")
         words = {str(key): str(value) for key, value in given.items() if value not in (None, "")}
         await self.actions.answer(self._session(request), words)
-        return JSONResponse({"ok": True})
+        return {"ok": True}
 
-    async def tidy(self, request: Request) -> Response:
-        """Return the measurements."""
+    async def _tidy(self, request: Request) -> Response:
         file = Path(self._session(request).data or "none")
         return _file(file, "application/gzip" if file.suffix == ".gz" else _CSV)
 
-    async def report(self, request: Request) -> Response:
+    async def _report(self, request: Request) -> Response:
         """Return the report, written anew where there is a newer result."""
         folder = self._session(request).folder
         file = folder / "report.html"
@@ -169,52 +163,44 @@ class Routes:
 
     # jobs
 
-    def _job(self, request: Request) -> Job:
+    def _job_of(self, request: Request) -> Job:
         return self.actions.jobs.get(self._session(request).id, request.path_params["job"])
 
-    def _shown(self, job: Job) -> Response:
-        return JSONResponse(self.actions.jobs.shown(job))
+    async def _order(self, request: Request) -> Any:
+        job = self.actions.order(self._session(request), await _body(request))
+        return self.actions.jobs.shown(job)
 
-    async def order(self, request: Request) -> Response:
-        """Start a job."""
-        return self._shown(self.actions.order(self._session(request), await _body(request)))
+    async def _job(self, request: Request) -> Any:
+        return self.actions.jobs.shown(self._job_of(request))
 
-    async def job(self, request: Request) -> Response:
-        """Return the progress of a job."""
-        return self._shown(self._job(request))
-
-    async def cancel(self, request: Request) -> Response:
-        """Cancel or remove a job."""
-        job = self._job(request)
+    async def _cancel(self, request: Request) -> Any:
+        job = self._job_of(request)
         await self.actions.jobs.cancel(job)
-        return self._shown(job)
+        return self.actions.jobs.shown(job)
 
-    async def enough(self, request: Request) -> Response:
+    async def _enough(self, request: Request) -> Any:
         """End a search with its results so far."""
-        job = self._job(request)
+        job = self._job_of(request)
         await self.actions.jobs.enough(job)
-        return self._shown(job)
+        return self.actions.jobs.shown(job)
 
     # the model by hand
 
-    async def open_pad(self, request: Request) -> Response:
-        """Open a pad."""
-        session, pad = self._session(request), request.path_params["pad"]
+    async def _open_pad(self, request: Request) -> Any:
+        session, pad = self._pad(request)
         await self.actions.open_pad(session, pad)
-        return JSONResponse(session.shown_pad(pad))
+        return session.shown_pad(pad)
 
-    async def change(self, request: Request) -> Response:
+    async def _change(self, request: Request) -> Any:
         """Make a new state."""
-        session, pad = self._session(request), request.path_params["pad"]
-        return JSONResponse(await self.actions.change(session, pad, await _body(request)))
+        return await self.actions.change(*self._pad(request), await _body(request))
 
-    async def go_back(self, request: Request) -> Response:
+    async def _go_back(self, request: Request) -> Any:
         """Go back to a state of the history."""
-        session, pad = self._session(request), request.path_params["pad"]
         number = (await _body(request)).get("state")
-        return JSONResponse(await self.actions.go_back(session, pad, number))
+        return await self.actions.go_back(*self._pad(request), number)
 
-    async def model(self, request: Request) -> Response:
+    async def _model(self, request: Request) -> Response:
         """Return force and errors of a model, its sliders, or what an effect would add to it."""
         call, body = request.path_params["call"], await _body(request)
         if call == "signature":
@@ -229,21 +215,29 @@ class Routes:
             raise refused(404, f"there is no {call}")
         return await self._forwarded(request, call, **arguments)
 
-    async def pad_file(self, request: Request) -> Response:
+    async def _pad_file(self, request: Request) -> Response:
         """Return the samples, the laws and effects, or command lines that do the same."""
         call = request.path_params["call"]
         if call in ("measured", "catalogue"):
             return await self._forwarded(request, call)
         if call != "repeat.sh":
             raise refused(404, f"there is no {call}")
-        lines = commands(self._session(request), request.path_params["pad"])
         headers = {"content-disposition": f'attachment; filename="{call}"'}
-        return Response(lines, media_type="text/x-sh", headers=headers)
+        return Response(commands(*self._pad(request)), media_type="text/x-sh", headers=headers)
 
     async def _forwarded(self, request: Request, call: str, **arguments: Any) -> Response:
-        session, pad = self._session(request), request.path_params["pad"]
-        answer = await self.actions.forwarded(session, pad, call, **arguments)
+        answer = await self.actions.forwarded(*self._pad(request), call, **arguments)
         return Response(answer, media_type="application/json")
+
+
+def _answering(do: Callable[[Request], Awaitable[Any]]) -> Callable[[Request], Awaitable[Response]]:
+    """Return a handler of a route, whose answer is JSON unless it is a response already."""
+
+    async def handle(request: Request) -> Response:
+        answer = await do(request)
+        return answer if isinstance(answer, Response) else JSONResponse(answer)
+
+    return handle
 
 
 async def _body(request: Request) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import socket
 import sys
@@ -27,7 +26,7 @@ from qlvbayes.app.jobs import Jobs
 from qlvbayes.app.routes import Routes
 from qlvbayes.app.security import UPLOAD_LIMIT, Address, RequestFilter, TooLargeError
 from qlvbayes.app.sessions import Sessions
-from qlvbayes.app.warm import WarmWorker
+from qlvbayes.app.workers import WarmWorker
 
 
 @dataclass(frozen=True)
@@ -79,9 +78,7 @@ def application(options: Options, address: Address) -> Starlette:
     @contextlib.asynccontextmanager
     async def life(app: Starlette) -> AsyncIterator[None]:
         worker.start()
-        app.state.warming = asyncio.create_task(_warm(actions))
         yield
-        app.state.warming.cancel()
         actions.close()
         events.close()
         await jobs.close()
@@ -95,13 +92,6 @@ def application(options: Options, address: Address) -> Starlette:
     app.add_middleware(RequestFilter, token=options.token, address=address)
     app.state.actions = actions
     return app
-
-
-async def _warm(actions: Actions) -> None:
-    """Start the spare worker, once the page's no longer needs the cores for the first curves."""
-    while actions.worker.status != "ready" or actions.sessions.opening:
-        await asyncio.sleep(0.2)
-    actions.jobs.warm()
 
 
 def serve(options: Options) -> None:

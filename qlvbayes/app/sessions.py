@@ -9,6 +9,7 @@ import datetime
 import json
 import secrets
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import msgspec
 
 from qlvbayes.app.failures import ErrorContent, refused
 from qlvbayes.io.files import write_whole
+from qlvbayes.io.wording import as_typed
 
 DATA = "data.csv"
 """The measurements in a session's folder."""
@@ -25,6 +27,7 @@ BENCH = "bench.json"
 ASKED = ("sign", "contact", "columns", "units", "area")
 """Options of ``look -o`` that a question asks for."""
 _PRIVATE = ".private"  # uploads
+_RUN = "run.json"
 
 
 class HistoryState(msgspec.Struct):
@@ -152,17 +155,16 @@ class Session:
 
     def shown_pad(self, name: str) -> dict[str, Any]:
         """Return what the page shows of an open pad, with what a diagnosis left in its folder."""
-        own, file, diagnosis = self.bench[name], self.folder / name / "diagnosis.json", None
-        try:
+        own, file = self.bench[name], self.folder / name / "diagnosis.json"
+        diagnosis = ranking = None
+        with suppress(OSError, ValueError):
             text = file.with_suffix(".txt").read_text().split("\n\n")
             diagnosis = json.loads(file.read_text())
             diagnosis["text"] = [one for one in text if one.strip()]
-        except (OSError, ValueError):
-            pass
-        ranking = None if diagnosis is None else [
-            {"effect": one["effect"], "probability": one.get("inclusion")}
-            for one in diagnosis.get("ranking", [])
-        ]  # fmt: skip
+            ranking = [
+                {"effect": one["effect"], "probability": one.get("inclusion")}
+                for one in diagnosis.get("ranking", [])
+            ]
         return {
             **own.facts,
             "current": own.current,
@@ -221,11 +223,6 @@ class Sessions:
             self._open[number] = session
         return self._open[number]
 
-    @property
-    def opening(self) -> bool:
-        """Return whether a page waits for its first curves."""
-        return any(one.stage in ("reading", "preparing") for one in self._open.values())
-
     def known(self) -> list[dict[str, str]]:
         """Return all stored sessions, the last first."""
         entries = []
@@ -245,3 +242,45 @@ class Sessions:
         shutil.rmtree(session.private, ignore_errors=True)
         if session.folder.parent == self._root:
             shutil.rmtree(session.folder, ignore_errors=True)
+
+
+def commands(session: Session, pad: str) -> str:
+    """Return command lines that sample the current state's model, check it, and diagnose.
+
+    They begin with the one that makes the measurements, where they were files of other layouts.
+    """
+    own = session.pad(pad)
+    state = own.state(own.current)
+    data = Path(session.data).name
+    lines = []
+    if session.made is not None:
+        files = [f"./{name}" if name.startswith("-") else name for name in session.made.files]
+        options = [w for name, value in session.made.options.items() for w in (f"--{name}", value)]
+        lines.append(["qlvbayes", "look", *files, *options, "-o", data])
+    fit = ["qlvbayes", "fit", data, "--pads", pad, "--all-tests"]
+    fit += ["--elastic", state.elastic, "--relaxation", state.relaxation]
+    fit += [word for name in state.effects for word in ("--add", name)]
+    lines += [
+        [*fit, "-o", "out"],
+        ["qlvbayes", "check", "out"],
+        ["qlvbayes", "diagnose", data, "--pads", pad, "-o", "out"],
+        ["qlvbayes", "report", "out"],
+    ]
+    return "\n".join(as_typed(*words) for words in lines) + "\n"
+
+
+def source_of(folder: Path) -> Path | None:
+    """Return the measurements of a folder of results: in it, or where its ``run.json`` says."""
+    if (folder / DATA).is_file():
+        return folder / DATA
+    try:
+        runs = json.loads((folder / _RUN).read_text())["runs"]
+        sources = [Path(run["source"]) for run in runs.values()]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return next((one for one in reversed(sources) if one.is_file()), None)
+
+
+def holds_results(folder: Path) -> bool:
+    """Return whether a command or the bench has left results in a folder."""
+    return any((folder / name).is_file() for name in (_RUN, BENCH))

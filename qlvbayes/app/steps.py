@@ -9,15 +9,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from qlvbayes.app.protocol import OnProgress
+from qlvbayes.app.workers import OnProgress
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import record_run
+from qlvbayes.io.catalogue import METHODS
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import as_typed
 from qlvbayes.model.choices import Choices
@@ -27,7 +28,6 @@ from qlvbayes.report.page import write_report
 
 NICE = 5
 """Added to the niceness, as the page's own worker has priority."""
-_METHOD = "emcee"  # the default of the commands
 _BEAT = 0.4  # s between lines of progress: more than two a second
 _ENOUGH = threading.Event()  # the search shall end at its next step
 
@@ -103,50 +103,42 @@ class ProgressReporter(Watcher):
             self._report(line)
 
 
-@dataclass(frozen=True)
-class Order:
-    """Work on the bench: with which pad of which file, into which folder of results.
-
-    ``model`` is that of the pad on the bench, as in a request; without one the pad is sampled with
-    the default model.
-    """
-
-    out: str
-    data: str = ""
-    pad: str = ""
-    model: dict[str, Any] | None = None
-    effects_file: str | None = None
-
-
-def diagnosed(order: Order, watcher: Watcher) -> None:
-    """Diagnose a pad."""
-    study, out = read_measurements(order.data), Path(order.out)
-    choices = Choices(bonded=study.units.bonded_default, effects_file=order.effects_file)
-    thresholds = DiagnosisSettings()
+def diagnose(
+    watcher: Watcher, out: str, data: str, pad: str, effects_file: str | None, **model: Any
+) -> None:
+    """Diagnose a pad of the measurements ``data`` into the folder of results ``out``."""
+    study, thresholds = read_measurements(data), DiagnosisSettings()
+    choices = Choices(bonded=study.units.bonded_default, effects_file=effects_file)
     step = DiagnoseStep(choices, 0, thresholds)
-    step.run(out / order.pad, alone(study, study.pad(order.pad)), watcher)
-    command = _command("diagnose", order)
-    record_run(out, "diagnose", command, study, choices, 0, {"thresholds": thresholds})
+    step.run(Path(out) / pad, alone(study, study.pad(pad)), watcher)
+    words = _command("diagnose", data, pad, choices)
+    record_run(Path(out), "diagnose", words, study, choices, 0, {"thresholds": thresholds})
 
 
-def sampled(order: Order, watcher: Watcher) -> None:
-    """Sample the posterior of a pad's model, and check it."""
-    study, out, settings = read_measurements(order.data), Path(order.out), Settings()
-    folder = out / order.pad
-    choices = choices_of(order.model, study.units.bonded_default, order.effects_file)
-    pad = alone(study, study.pad(order.pad))
-    for step in (FitStep(choices, _METHOD, True, settings), CheckStep()):
-        step.run(folder, pad, watcher)
+def sample(
+    watcher: Watcher,
+    out: str,
+    data: str,
+    pad: str,
+    effects_file: str | None,
+    model: dict[str, Any] | None,
+) -> None:
+    """Sample the posterior of a model on the bench, by default the commands' own, and check it."""
+    study, settings = read_measurements(data), Settings()
+    choices = choices_of(model, study.units.bonded_default, effects_file)
+    for step in (FitStep(choices, all_tests=True, settings=settings), CheckStep()):
+        step.run(Path(out) / pad, alone(study, study.pad(pad)), watcher)
     chosen = ["--elastic", choices.elastic, "--relaxation", choices.relaxing, "--all-tests"]
     chosen += [word for effect in choices.effects for word in ("--add", effect)]
-    recorded = {"method": _METHOD, "all_tests": True, "sampler": settings}
-    record_run(out, "fit", _command("fit", order, *chosen), study, choices, 0, recorded)
+    words = _command("fit", data, pad, choices, *chosen)
+    used = {"method": METHODS[0], "all_tests": True, "sampler": settings}
+    record_run(Path(out), "fit", words, study, choices, 0, used)
 
 
-def reported(order: Order, watcher: Watcher) -> None:
+def report(watcher: Watcher, out: str) -> None:
     """Write the report."""
     with watcher.doing("report"):
-        write_report(order.out)
+        write_report(out)
 
 
 def choices_of(model: dict[str, Any] | None, bonded: bool, effects_file: str | None) -> Choices:
@@ -164,18 +156,18 @@ def choices_of(model: dict[str, Any] | None, bonded: bool, effects_file: str | N
     )
 
 
-def _command(step: str, order: Order, *chosen: str) -> str:
+def _command(step: str, data: str, pad: str, choices: Choices, *chosen: str) -> str:
     """Return the command line that does the same."""
-    words = ["qlvbayes", step, Path(order.data).name, "--pads", order.pad, *chosen]
-    words += ["--effects-file", order.effects_file] if order.effects_file else []
+    words = ["qlvbayes", step, Path(data).name, "--pads", pad, *chosen]
+    words += ["--effects-file", choices.effects_file] if choices.effects_file else []
     return as_typed(*words, "-o", ".")
 
 
-def _call(do: Callable[[Order, Watcher], None]) -> Callable[..., dict[str, Any]]:
+def _call(do: Callable[..., None]) -> Callable[..., dict[str, Any]]:
     def call(report: OnProgress, **order: Any) -> dict[str, Any]:
         reporter = ProgressReporter(report)
         with reporter.reporting():
-            do(Order(**order), reporter)
+            do(reporter, **order)
         return {}
 
     return call
@@ -187,9 +179,9 @@ def enough() -> None:
 
 
 CALLS: dict[str, Callable[..., Any]] = {
-    "diagnose": _call(diagnosed),
-    "sample": _call(sampled),
-    "report": _call(reported),
+    "diagnose": _call(diagnose),
+    "sample": _call(sample),
+    "report": _call(report),
     "enough": enough,
 }
 """The calls by name."""

@@ -8,6 +8,7 @@ several waiting calls for curves from one tab only the last is computed.
 
 from __future__ import annotations
 
+import json
 import os
 import queue
 import sys
@@ -16,12 +17,11 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import msgspec
 
 from qlvbayes.app.failures import RefusedError, content_of, refused
-from qlvbayes.app.protocol import Parent
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.runtime import one_blas_thread
 
@@ -30,6 +30,37 @@ Pieces = Iterator[Any]
 """A computation in pieces: None while there is more, at last its answer."""
 
 _ENCODER = msgspec.json.Encoder(enc_hook=float)  # numbers of numpy; those not finite become null
+
+
+class Parent:
+    """Connection of a process to the server that started it."""
+
+    def __init__(self) -> None:
+        self._in: BinaryIO = os.fdopen(os.dup(0), "rb")
+        self._out: BinaryIO = os.fdopen(os.dup(1), "wb")
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.dup2(2, 1)
+        self._lock = threading.Lock()
+
+    def send(self, number: int, kind: str, content: bytes) -> None:
+        """Write one line; end the process where nobody reads."""
+        try:
+            with self._lock:
+                self._out.write(b"%d %s %s\n" % (number, kind.encode(), content))
+                self._out.flush()
+        except OSError:
+            os._exit(0)
+
+    def listen(self, heard: Callable[[dict[str, Any]], None]) -> None:
+        """Pass on each line from a thread of its own; end the process where there are no more."""
+
+        def loop() -> None:
+            for line in self._in:
+                heard(json.loads(line))
+            sys.stderr.flush()
+            os._exit(0)  # at once, whatever is being computed: the server has ended
+
+        threading.Thread(target=loop, daemon=True).start()
 
 
 class RequestThread:
@@ -94,22 +125,14 @@ class RequestThread:
         self._parent.send(number, kind, _ENCODER.encode(content))
 
 
-class CallServer:
-    """Worker with two threads for requests; calls in ``first`` precede the others."""
-
-    def __init__(
-        self, parent: Parent, calls: dict[str, Callable[..., Any]], first: Collection[str]
-    ) -> None:
-        self._parent = parent
-        self._first = {"ready", *first}
-        answers: dict[str, Callable[..., Any]] = {"ready": dict, **calls}
-        self._threads = {urgent: RequestThread(parent, answers) for urgent in (True, False)}
-
-    def run(self) -> None:
-        """Answer until the server has ended."""
-        threading.Thread(target=self._threads[True].run, daemon=True).start()
-        self._parent.listen(lambda x: self._threads[x["call"] in self._first].arrived.put(x))
-        self._threads[False].run()
+def serve(parent: Parent, calls: dict[str, Callable[..., Any]], first: Collection[str]) -> None:
+    """Answer calls until the server has ended, those in ``first`` before the others."""
+    answers: dict[str, Callable[..., Any]] = {"ready": dict, **calls}
+    urgent, other = (RequestThread(parent, answers) for _ in range(2))
+    threading.Thread(target=urgent.run, daemon=True).start()
+    at_once = {"ready", *first}
+    parent.listen(lambda x: (urgent if x["call"] in at_once else other).arrived.put(x))
+    other.run()
 
 
 def main() -> None:
@@ -118,7 +141,7 @@ def main() -> None:
     module = import_module(f"qlvbayes.app.{sys.argv[1]}")
     os.nice(module.NICE)
     with one_blas_thread():
-        CallServer(parent, module.CALLS, module.FIRST).run()
+        serve(parent, module.CALLS, module.FIRST)
 
 
 if __name__ == "__main__":

@@ -13,12 +13,12 @@ from typing import Annotated
 import typer
 
 import qlvbayes.app
+from qlvbayes.app.sessions import holds_results
 from qlvbayes.cli.options import EffectsFile
 from qlvbayes.effects.catalogue import own_effects
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed
 
-_RESULTS = ("run.json", "bench.json", "measurements.csv")  # any of them marks a folder of results
 _NEEDED = ("starlette", "uvicorn", "python_multipart")
 
 
@@ -65,7 +65,7 @@ def app(
         )
     if file is not None and not file.exists():
         raise InputError("no such file", file=file, remedy="check the path")
-    if file is not None and file.is_dir() and not any((file / one).exists() for one in _RESULTS):
+    if file is not None and file.is_dir() and not holds_results(file):
         remedy = f"run {as_typed('qlvbayes', 'study', str(file), '-o', 'OUT')} and open OUT"
         raise InputError("no results in this folder", file=file, remedy=remedy)
     if behind is not None and not behind.startswith(("http://", "https://")):

@@ -7,8 +7,7 @@ from support.endtoend import call
 from support.machine_files import workbook
 
 from qlvbayes.app.intake import read_in
-from qlvbayes.app.scripts import commands
-from qlvbayes.app.sessions import BenchPad, HistoryState, Made, Session
+from qlvbayes.app.sessions import BenchPad, HistoryState, Made, Session, commands
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 

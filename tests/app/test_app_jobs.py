@@ -10,7 +10,7 @@ pytest.importorskip("msgspec")
 
 from qlvbayes.app import steps
 from qlvbayes.app.steps import ProgressReporter, choices_of
-from qlvbayes.app.worker import CallServer
+from qlvbayes.app.worker import serve
 from qlvbayes.diagnosis.decision import Decision
 from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -57,8 +57,8 @@ def test_a_move_is_answered_while_a_fit_goes_on():
         report({"text": "half"})
 
     calls = {"change": change, "curves": dict, "told": told, "pieces": lambda: iter([None, {}])}
-    worker = CallServer(SimpleNamespace(send=server.send, listen=server.listen), calls, {"curves"})
-    threading.Thread(target=worker.run, daemon=True).start()
+    parent = SimpleNamespace(send=server.send, listen=server.listen)
+    threading.Thread(target=serve, args=(parent, calls, {"curves"}), daemon=True).start()
     while not hasattr(server, "ask"):
         time.sleep(0.01)
     server.ask(1, "change")

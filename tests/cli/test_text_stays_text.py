@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from support.exported_pad import exported
 
-from qlvbayes.app.scripts import commands
-from qlvbayes.app.sessions import BenchPad, HistoryState, Session
+from qlvbayes.app.sessions import BenchPad, HistoryState, Session, commands
 from qlvbayes.cli.console import Plain
 from qlvbayes.cli.options import among
 from qlvbayes.fitting.summary import Entry, as_csv, as_latex

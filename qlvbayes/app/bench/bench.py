@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from qlvbayes.app.bench.limits import cell_limits
 from qlvbayes.app.bench.model import (
     ByHand,
     Slider,
@@ -25,6 +24,7 @@ from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.optimum import best_model
+from qlvbayes.fitting.residuals import FALSE_ALARMS, error_limit
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
@@ -34,6 +34,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import Experiment
+from qlvbayes.motion.phases import KINDS
 
 _STARTS = 3  # number of the best draws of the priors from which the first fit begins
 _DRAWN = 200  # draws that make a band
@@ -108,7 +109,7 @@ class Bench:
     @cached_property
     def limits(self) -> dict[tuple[str, str], float]:
         """Return the root mean square error of each test and phase that noise hardly exceeds."""
-        return cell_limits(self.samples)
+        return _cell_limits(self.samples)
 
     @cached_property
     def effects(self) -> dict[str, AbstractEffect]:
@@ -299,3 +300,45 @@ class Bench:
             raise NoFiniteForceError
         best = min(modes, key=lambda mode: mode.loss).point
         return replace(model, values=values_of(best.own, best.constants))
+
+
+def _cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
+    """Return the root mean square, by test and phase, beyond which a model set by hand fails.
+
+    It is the limit of the check of a fit (`qlvbayes.fitting.residuals`), for constants that are
+    known exactly: noise, and errors of the motion and of the zero of displacement, exceed it in
+    1 % of pads.
+    """
+    cells = {}
+    for k, trial in enumerate(samples.trials):
+        covariance, phases = _covariance(samples, k), samples.phases(k)
+        for kind in KINDS:
+            here = np.flatnonzero(phases == kind)
+            if here.size:
+                cells[trial.name, kind] = _cumulants(covariance[np.ix_(here, here)])
+    level = FALSE_ALARMS / max(len(cells), 1)
+    return {cell: error_limit(cumulants, level) for cell, cumulants in cells.items()}
+
+
+def _covariance(samples: Samples, k: int) -> Array:
+    """Return the covariance (n, n) of the errors of the samples of test k (N^2)."""
+    floor, time = samples.experiment.floor, samples.trials[k].test.time[samples.rows[k]]
+    scale, weight, extra, timing = (
+        samples.of_blocks(k, name) for name in ("scale", "weight", "extra", "timing")
+    )
+    blocks, real = samples.space.record.blocks, samples.space.real[k]
+    middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[k, real]
+    contact = np.interp(time, middle, np.asarray(blocks.contact)[k, real])
+    correlated = floor.ou**2 * np.exp(-np.abs(time[:, None] - time) / floor.tau)
+    noise = np.outer(scale, scale) * (correlated + np.diag((floor.white * weight) ** 2))
+    common = np.outer(extra, extra) + np.outer(contact, contact)
+    tare = samples.trials[k].test.tare_sd
+    return np.asarray(noise + np.diag(timing**2) + common + tare**2)
+
+
+def _cumulants(covariance: Array) -> tuple[float, float, float]:
+    """Return the first three cumulants of the mean square of a normal of this covariance."""
+    scaled = covariance / len(covariance)
+    squared = scaled @ scaled
+    third = 8.0 * float(np.sum(squared * scaled))
+    return float(np.trace(scaled)), 2.0 * float(np.trace(squared)), third

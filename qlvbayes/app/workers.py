@@ -1,9 +1,9 @@
-"""Exchange calls and answers with a worker process over its pipes, a line each.
+"""Keep worker processes, and exchange calls and answers with them over their pipes, a line each.
 
-The server has a `Worker`, the process its `Parent`. A call is a line of JSON with its ``number``,
-``call`` and ``arguments``, and whether it ``reports`` its progress. What comes back are lines of
-``NUMBER KIND JSON``: one ``answer`` or ``error``, and before that any ``progress``. The process is
-a new interpreter, never a fork, and ends when its standard input does.
+A call is a line of JSON with its ``number``, ``call`` and ``arguments``, and whether it ``reports``
+its progress. What comes back are lines of ``NUMBER KIND JSON``: one ``answer`` or ``error``, and
+before that any ``progress``. The process (`worker`) is a new interpreter, never a fork, and ends
+when its standard input does. One is kept warm for the page, and started anew where it dies.
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ import json
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable
 from itertools import count
-from typing import Any, BinaryIO
+from typing import Any
 
 from qlvbayes.app.failures import RefusedError, refused
 
@@ -25,6 +24,8 @@ OnProgress = Callable[[dict[str, Any]], None]
 """Receiver of the progress of one call."""
 _LONGEST = 2**26  # most bytes of a line
 _ENDS_WITHIN = 2.0  # s that a process has to end by itself
+_QUICKLY = 5.0  # s: a warm worker that dies within this time is restarted after a pause
+_PAUSE = 2.0  # s before such a restart
 
 
 class Worker:
@@ -113,32 +114,73 @@ def gone() -> RefusedError:
     return refused(503, "the process that computes this has stopped", "ask again in a moment")
 
 
-class Parent:
-    """Connection of a process to the server that started it."""
+class WarmWorker:
+    """The worker that computes what the page shows.
 
-    def __init__(self) -> None:
-        self._in: BinaryIO = os.fdopen(os.dup(0), "rb")
-        self._out: BinaryIO = os.fdopen(os.dup(1), "wb")
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        os.dup2(2, 1)
-        self._lock = threading.Lock()
+    ``status`` is ``starting``, ``ready`` or ``restarting``; ``changed`` is called with each change.
+    """
 
-    def send(self, number: int, kind: str, content: bytes) -> None:
-        """Write one line; end the process where nobody reads."""
-        try:
-            with self._lock:
-                self._out.write(b"%d %s %s\n" % (number, kind.encode(), content))
-                self._out.flush()
-        except OSError:
-            os._exit(0)
+    def __init__(self, changed: Callable[[str], None]) -> None:
+        self.status = "starting"
+        self._changed = changed
+        self._worker: Worker | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._up = asyncio.Event()
 
-    def listen(self, heard: Callable[[dict[str, Any]], None]) -> None:
-        """Pass on each line from a thread of its own; end the process where there are no more."""
+    def start(self) -> None:
+        """Spawn the worker; calls made meanwhile wait."""
+        self._task = asyncio.create_task(self._run())
 
-        def loop() -> None:
-            for line in self._in:
-                heard(json.loads(line))
-            sys.stderr.flush()
-            os._exit(0)  # at once, whatever is being computed: the server has ended
+    async def close(self) -> None:
+        """End the worker."""
+        if self._task is not None:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
 
-        threading.Thread(target=loop, daemon=True).start()
+    def give_up(self) -> None:
+        """Answer all waiting calls with an error."""
+        if self._worker is not None:
+            self._worker.give_up()
+
+    async def call(self, name: str, /, **arguments: Any) -> bytes:
+        """Return the answer of the worker, as JSON; raise RefusedError where there is none."""
+        if self._worker is None:
+            raise gone()
+        return await self._worker.call(name, **arguments)
+
+    async def patient_call(self, name: str, /, **arguments: Any) -> bytes:
+        """Return the answer to a call for which no page waits: it is made again where one died."""
+        for last in (False, True):
+            await self._up.wait()
+            try:
+                return await self.call(name, **arguments)
+            except RefusedError as error:
+                if error.status != 503 or last:
+                    raise
+        raise AssertionError
+
+    async def _run(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            begun = loop.time()
+            worker = self._worker = await Worker.spawn("computations")
+            self._up.set()
+            try:
+                with contextlib.suppress(RefusedError):
+                    await worker.call("ready")
+                    self._set("ready")
+                await asyncio.shield(worker.ended)
+            except asyncio.CancelledError:
+                await worker.close()
+                raise
+            await worker.kill()
+            self._up.clear()
+            self._worker = None
+            self._set("restarting")
+            if loop.time() - begun < _QUICKLY:
+                await asyncio.sleep(_PAUSE)
+
+    def _set(self, status: str) -> None:
+        self.status = status
+        self._changed(status)
