@@ -1,4 +1,4 @@
-// Elements of the page, made in one line; no markup is ever put together as text.
+// Elements of the page, made in one line (no markup is ever put together as text), and messages to the user.
 
 /** el("button", { class: "add", onclick: f, "aria-pressed": "true" }, "Add") */
 export function el(tag, attributes = {}, ...children) {
@@ -45,4 +45,25 @@ function become(old, fresh) {
   if (old.style.cssText !== fresh.style.cssText) old.style.cssText = fresh.style.cssText;
   refill(old, [...fresh.childNodes]);
   if ("value" in old && (old !== document.activeElement || old.nodeName === "SELECT") && old.value !== fresh.value) old.value = fresh.value;
+}
+
+export function say(text) { at("#said").textContent = text; }
+
+/** A trouble stays until it is put away or over. */
+export function trouble(refusal) {
+  const line = at("#trouble");
+  const text = refusal.message || String(refusal);
+  line.replaceChildren(el("span", {}, text), el("button", { type: "button", class: "quiet", "aria-label": "Put this message away", onclick: calm }, "✕"));
+  line.hidden = false;
+}
+
+export function calm() { at("#trouble").hidden = true; }
+
+/** Runs what may be refused; says so where it is. */
+export async function trying(work) {
+  try { return await work(); } catch (refusal) {
+    if (!refusal.error) throw refusal;
+    if (!refusal.overtaken) trouble(refusal);
+    return null;
+  }
 }

@@ -1,8 +1,7 @@
 // Long work: what runs, how far it is, how long it takes, and how to stop it.
-import { at, el, refill } from "./element.js";
+import { at, el, refill, say, trying } from "./element.js";
 import { get, post, remove } from "./api.js";
 import { plain, span } from "./numbers.js";
-import { say, trying } from "./say.js";
 
 const live = (job) => ["waiting", "running"].includes(job.state);
 

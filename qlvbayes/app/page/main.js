@@ -1,21 +1,14 @@
 // Puts the page together: which view is shown, and what each pane may do.
-import { at, el, refill } from "./element.js";
-import { Store } from "./store.js";
-import { Session } from "./session.js";
-import { Redraw } from "./redraw.js";
+import { at, el, refill, say, trying } from "./element.js";
+import { Redraw, Session, Store } from "./session.js";
 import { Measured } from "./measured.js";
 import { ResidualMap } from "./map.js";
-import { Hypotheses } from "./hypotheses.js";
-import { Signatures } from "./signatures.js";
+import { Hypotheses, Signatures } from "./hypotheses.js";
 import { Constants } from "./constants.js";
 import { Errors } from "./errors.js";
 import { Jobs } from "./jobs.js";
-import { downloads } from "./downloads.js";
-import { start } from "./start.js";
-import { ask } from "./asking.js";
-import { drawSketch, waitFor } from "./wait.js";
+import { ask, drawSketch, start, waitFor } from "./opening.js";
 import { plain } from "./numbers.js";
-import { say, trying } from "./say.js";
 
 const id = decodeURIComponent((location.pathname.match(/^\/s\/([^/]+)$/) || [])[1] || "");
 if (id) bench(new Session(id, new Store({ stage: "opening", jobs: [], signatures: [], pads: [], busy: null, moved: false })));
@@ -88,4 +81,27 @@ function arrange(session) {
   for (const part of ["#wait", "#asking", "#panes"]) at(part).hidden = part !== shown;
   if (shown === "#wait") waitFor(session.store.now);
   if (changed && shown === "#asking") ask(session);
+}
+
+/** What can be taken away: the report, the measurements, and how to repeat it all. */
+function downloads(session) {
+  const body = el("div", { class: "menu-body" });
+  const menu = el("details", { class: "menu" }, el("summary", {}, "Save and export"), body);
+  const fill = () => {
+    const { pad } = session.store.now;
+    body.replaceChildren(
+      el("h3", {}, "All of it"), el("ul", { class: "named" },
+        link(`${session.path}/report.html`, "Report", "with all figures, in one file; drawing it takes a moment", false),
+        link(`${session.path}/tidy.csv`, "Measurements", "the tidy CSV that was read", true)),
+      el("h3", {}, `Pad ${pad}, model in the list of errors`), el("ul", { class: "named" },
+        link(`${session.padPath()}/repeat.sh`, "Command lines", "sample, check and diagnose it in a terminal", true)));
+  };
+  menu.addEventListener("toggle", fill);
+  document.addEventListener("click", (event) => { if (!menu.contains(event.target)) menu.open = false; });
+  menu.addEventListener("keydown", (event) => { if (event.key === "Escape") { menu.open = false; menu.firstChild.focus(); } });
+  return menu;
+}
+
+function link(href, text, about, saved) {
+  return el("li", {}, el("a", { href, download: saved, target: saved ? null : "_blank" }, text), el("span", {}, ` ${about}`));
 }

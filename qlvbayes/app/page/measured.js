@@ -2,9 +2,8 @@
 import { at, el } from "./element.js";
 import { report } from "./report.js";
 import { View } from "./view.js";
-import { TimeChart } from "./timechart.js";
+import { TimeChart, chartKeys } from "./timechart.js";
 import { Loops } from "./loops.js";
-import { chartKeys } from "./chartkeys.js";
 import { axisLabel, columnsOf, linesOf } from "./lines.js";
 import { short, times, withUnit } from "./numbers.js";
 

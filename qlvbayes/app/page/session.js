@@ -1,6 +1,6 @@
-// One session: what the server knows of it, kept up to date by its events.
+// One session: what the page knows of it, kept up to date by the server's events; every pane reads from here.
 import { get, post } from "./api.js";
-import { say, trouble, trying, calm } from "./say.js";
+import { calm, say, trouble, trying } from "./element.js";
 
 export const RULE = { elastic: "elastic law", relaxation: "relaxation" };
 const modelOf = ({ elastic, relaxation, effects, values }) => ({ elastic, relaxation, effects, values });
@@ -168,4 +168,72 @@ function bySpeed(tests) {
 /** Curves of the server, with the model by name of the test. */
 export function byTest({ rmse, tests, cells, values }) {
   return { rmse, cells, values, model: Object.fromEntries(tests.map((test) => [test.name, test.model])) };
+}
+
+/** What the page knows, and who hears of a change. */
+export class Store {
+  constructor(first) {
+    this.now = first;
+    this.listeners = [];
+  }
+
+  /** Calls `listener(now)` after a change of any of these names. */
+  on(names, listener) { this.listeners.push([names, listener]); }
+
+  set(changes) {
+    const changed = Object.keys(changes).filter((name) => this.now[name] !== changes[name]);
+    Object.assign(this.now, changes);
+    if (!changed.length) return;
+    for (const [names, listener] of this.listeners) if (names.some((name) => changed.includes(name))) listener(this.now);
+  }
+}
+
+const KEPT = 500; // measurements of how long a redraw takes, for whoever looks at performance.getEntriesByName("redraw")
+
+/** A slider's moves, one request at a time: the newest model is asked for, what came between is never asked. */
+export class Redraw {
+  constructor(session) {
+    Object.assign(this, { session, store: session.store, wanted: null, asking: false });
+  }
+
+  /** The model as the sliders have it now; it is drawn as soon as can be. */
+  want(hand) {
+    this.wanted ??= { since: performance.now() };
+    this.wanted.hand = hand;
+    if (!this.asking) this.ask();
+    this.store.set({ hand, moved: true });
+  }
+
+  async ask() {
+    const { hand, since } = this.wanted, epoch = this.session.epoch;
+    this.wanted = null;
+    this.asking = true;
+    let curves = null;
+    try {
+      curves = byTest(await post(`${this.session.padPath()}/curves`, hand));
+    } catch (refusal) {
+      if (!refusal.error) throw refusal;
+      if (!refusal.overtaken) trouble(refusal);
+    } finally { this.asking = false; }
+    if (this.wanted && this.wanted.hand === this.store.now.hand) this.ask(); // computed while this one is drawn
+    else this.wanted = null;
+    if (!curves || epoch !== this.session.epoch) return; // a fit or another pad came between: stale
+    this.store.set({ shown: curves });
+    afterFrame(() => this.measure(since));
+  }
+
+  /** From the move to the frame that shows it. */
+  measure(since) {
+    if (performance.getEntriesByName("redraw").length >= KEPT) performance.clearMeasures("redraw");
+    performance.measure("redraw", { start: since, end: performance.now() });
+  }
+}
+
+/** Once the frame that comes next was drawn. */
+function afterFrame(callback) {
+  requestAnimationFrame(() => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = callback;
+    port2.postMessage(null);
+  });
 }
