@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -71,6 +72,7 @@ def look(
         _make_tidy(inputs, output, as_json=as_json)
         return
     # imported here, so that the help does not wait for them
+    from qlvbayes.motion.experiment import prepare
     from qlvbayes.motion.pad import arguments_of, refuse_unknown
     from qlvbayes.pipeline.looking import look_into
 
@@ -92,8 +94,9 @@ def look(
         arguments = [*arguments_of(study.pads, parts, gaps), *_of_specimen(chosen)]
         with waiting("looking"):
             seen, figures = look_into(
-                folder, study, study.pads, bonded=chosen["bonded"], files=_files(study, source),
-                next_commands=_next(inputs, source, study, arguments), **chosen.readings,
+                folder, study, study.pads, prepared=partial(prepare, **chosen.readings),
+                bonded=chosen["bonded"], files=_files(study, source),
+                next_commands=_next(inputs, source, study, arguments),
             )  # fmt: skip
         looks.append(seen)
         if not as_json:

@@ -28,7 +28,7 @@ from qlvbayes.cli.options import (
     with_groups,
 )
 from qlvbayes.io.catalogue import METHODS
-from qlvbayes.io.checks import InputError, check_known
+from qlvbayes.io.checks import check_known
 from qlvbayes.parallel.running import FailedError, Fault
 
 if TYPE_CHECKING:
@@ -233,18 +233,15 @@ def check(
     from qlvbayes.cli.tables import pads_table
     from qlvbayes.cli.terminal import Terminal, show_done, show_figures
     from qlvbayes.fitting.summary import FitSummary
-    from qlvbayes.pipeline.derived import draw_forces_at_rates
+    from qlvbayes.pipeline.derived import draw_forces_at_rates, fitted_pads
     from qlvbayes.pipeline.many import Work, run_pads
     from qlvbayes.pipeline.run import saved_studies
     from qlvbayes.pipeline.steps import CheckStep
     from qlvbayes.plots.catalogue import pictures_of
     from qlvbayes.report.page import MOST_ON_A_PAGE
 
-    part = work.part
-    fitted = sorted(file.parent.name for file in folder.glob("*/posterior.nc"))
-    names = part.part((known_names(pads, fitted, folder) if fitted else []) or fitted)
-    if not names and part.count == 1:
-        raise InputError("no fit in this folder", file=folder, remedy="run qlvbayes fit first")
+    part, fitted = work.part, fitted_pads(folder)
+    names = part.part(known_names(pads, fitted, folder) or fitted)
     studies = saved_studies(folder, names, data=data)
     step = CheckStep(seed)
     todo = (one if isinstance(one, Fault) else Work((step,), one, folder) for one in studies)

@@ -7,7 +7,6 @@ import multiprocessing
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
     BrokenExecutor,
@@ -26,7 +25,6 @@ from qlvbayes.io.runtime import THREADS, cores
 
 _WAIT_S = 10.0  # for a scheduler to answer: one that is there answers within a second
 _LEAST = 16  # tasks that wait on a cluster, so that one that grows sees that there is work
-_LOOK_S = 5.0  # between two looks at how many workers there are
 _DEATHS = 2  # of processes at work on one task: one may be chance, two are not
 
 
@@ -140,22 +138,6 @@ def _begin(lifeline: Connection, threads: int) -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
-def _twice_the_threads(client: Any) -> Callable[[], int]:
-    """Return a function of twice the threads of all workers of a Dask client, who come and go.
-
-    The next task then waits when one is done.
-    """
-    looked, count = -_LOOK_S, 1
-
-    def ahead() -> int:
-        nonlocal looked, count
-        if time.monotonic() - looked > _LOOK_S:
-            looked, count = time.monotonic(), sum(client.nthreads().values())
-        return max(_LEAST, 2 * count)
-
-    return ahead
-
-
 def engine_of(client: Any) -> Engine | None:
     """Return the engine of a Dask client or of an executor; None for this process."""
     if client is None or isinstance(client, Engine):
@@ -166,7 +148,11 @@ def engine_of(client: Any) -> Engine | None:
             f"the Dask scheduler at {getattr(client.scheduler, 'address', '')} is lost",
             remedy="start it and give the same command again: what is finished is kept",
         )
-        return Engine(client.get_executor(pure=False).submit, _twice_the_threads(client), lost)
+
+        def ahead() -> int:  # workers come and go; the next task waits when one is done
+            return max(_LEAST, 2 * sum(client.nthreads().values()))
+
+        return Engine(client.get_executor(pure=False).submit, ahead, lost)
     if callable(getattr(client, "submit", None)):
         count = 2 * int(getattr(client, "_max_workers", None) or cores())
         lost = EngineLostError(

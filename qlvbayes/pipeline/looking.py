@@ -25,18 +25,15 @@ def look_into(
     study: Measurements,
     pads: Sequence[Pad],
     *,
+    prepared: Callable[[Pad], Experiment] = prepare,
     bonded: bool | None = None,
     effects: tuple[str, ...] = (),
-    keep_all_readings: bool = False,
-    use: tuple[str, ...] = (),
-    leave_out: tuple[str, ...] = (),
     files: Sequence[str] = (),
     next_commands: Sequence[str] = (),
     apply: Apply = map,
 ) -> tuple[FirstLook, list[Path]]:
     """Look at some pads; leave ``look.json`` and a ``look_<pad>.png`` of each in the folder."""
     fixed = study.units.bonded_default if bonded is None else bonded
-    prepared = partial(prepare, keep_all_readings=keep_all_readings, use=use, leave_out=leave_out)
     task = partial(_look_at, prepared, fixed, effects, folder is not None)
     results = list(apply(task, pads))
     pads_seen = tuple(seen for seen, _ in results)
@@ -55,9 +52,12 @@ def look_into(
 
 
 def _look_at(
-    prepared: Callable[[Pad], Experiment], bonded: bool, effects: tuple[str, ...], drawn: bool,
+    prepared: Callable[[Pad], Experiment],
+    bonded: bool,
+    effects: tuple[str, ...],
+    drawn: bool,
     pad: Pad,
-) -> Seen:  # fmt: skip
+) -> Seen:
     experiment = prepared(pad)
     seen = look_at(experiment, bonded=bonded, effects=effects)
     if not drawn:

@@ -21,6 +21,7 @@ from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
+from qlvbayes.motion.experiment import prepare
 from qlvbayes.parallel.engines import Engine, engine_of
 from qlvbayes.parallel.running import Fault, Shard, fault_of
 from qlvbayes.pipeline.derived import (
@@ -124,14 +125,7 @@ def run_study(
     whole = source.shard.count == 1
     base = choices_of(source.whole)
     if source.is_complete and whole:
-        tests = [study.pads[0] for study in source if isinstance(study, Measurements)]
-        with watcher.doing("looking"):
-            look, figures = look_into(
-                out, source.whole, tests, bonded=base.bonded, effects=base.effects,
-                keep_all_readings=base.keep_all_readings, use=base.use, leave_out=base.leave_out,
-                apply=partial(map_pads, engine),
-            )  # fmt: skip
-        watcher.looked(look, figures)
+        _look_first(out, source, base, engine, watcher)
     source = source.kept(out)
 
     def steps(study: Measurements) -> tuple[Step, ...]:
@@ -155,6 +149,20 @@ def run_study(
     verdicts = [DiagnosisResult.read(out / name / "diagnosis.json") for name in done.pads]
     done.raise_failed(verdicts)
     return verdicts
+
+
+def _look_first(
+    out: Path, source: Source, choices: Choices, engine: Engine | None, watcher: Watcher
+) -> None:
+    """Show what is in the tests, before anything is fitted."""
+    pads = [study.pads[0] for study in source if isinstance(study, Measurements)]
+    readings = {name: getattr(choices, name) for name in ("keep_all_readings", "use", "leave_out")}
+    with watcher.doing("looking"):
+        look, figures = look_into(
+            out, source.whole, pads, prepared=partial(prepare, **readings),
+            bonded=choices.bonded, effects=choices.effects, apply=partial(map_pads, engine),
+        )  # fmt: skip
+    watcher.looked(look, figures)
 
 
 @dataclass(frozen=True)
