@@ -6,7 +6,6 @@ import os
 import re
 import signal
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -47,13 +46,6 @@ class Served:
         headers = {"Authorization": f"Bearer {self.token}", "X-Qlvbayes": "1"}
         self.client = httpx.Client(base_url=self.base, headers=headers, timeout=PATIENCE)
 
-    @contextlib.contextmanager
-    def another_client(self):
-        """The same server, asked over connections of one's own."""
-        other = Served(self.app, self.sessions)
-        with other.client:
-            yield other
-
     def get(self, path):
         return self.client.get(path).raise_for_status().json()
 
@@ -82,6 +74,10 @@ class Served:
                 if line.endswith(f"qlvbayes.app.worker\0{module}\0".encode()):
                     found.add(int(number))
         return found
+
+
+def model_of(state):
+    return {key: state[key] for key in ("elastic", "relaxation", "effects", "values")}
 
 
 def wait_for(ask, enough):
@@ -122,19 +118,15 @@ def opened(served, two):
 
 
 @pytest.mark.parametrize(
-    ("headers", "status"),
-    [
-        ({}, 200),
-        ({"Authorization": "Bearer wrong"}, 403),
-        ({"Authorization": ""}, 403),
-        ({"Host": "bench.example"}, 403),
-        ({"Origin": "http://other.example"}, 403),
-    ],
-)
-def test_only_who_has_the_token_and_comes_from_the_page_is_answered(served, headers, status):
-    answer = served.client.get("/api/start", headers=headers)
-    assert answer.status_code == status
-    assert (status == 403) == ("error" in answer.json())
+    ("name", "value"),
+    [("Authorization", "Bearer wrong"), ("Authorization", ""), ("Host", "bench.example"),
+     ("Origin", "http://other.example")],
+)  # fmt: skip
+def test_only_who_has_the_token_and_comes_from_the_page_is_answered(served, name, value):
+    assert served.client.get("/api/start").status_code == 200
+    answer = served.client.get("/api/start", headers={name: value})
+    assert answer.status_code == 403
+    assert "error" in answer.json()
 
 
 def test_the_token_becomes_a_cookie_and_what_changes_something_needs_a_header(served):
@@ -151,12 +143,10 @@ def test_the_token_becomes_a_cookie_and_what_changes_something_needs_a_header(se
         assert entered.status_code == 303
         assert entered.headers["location"] == "/"
         words = entered.headers["set-cookie"].lower()
-        assert "httponly" in words
-        assert "samesite=strict" in words
+        assert re.search("httponly.*samesite=strict", words)
         page = visitor.get("/")
-        assert page.status_code == 200
         policy = page.headers["content-security-policy"]
-        assert "unsafe" not in policy
+        assert (page.status_code, "unsafe" in policy) == (200, False)
         assert "default-src 'none'" in policy
         assert not re.search(r"<script(?![^>]*\bsrc=)|<style|\sstyle=|\son\w+=", page.text)
 
@@ -226,7 +216,7 @@ def test_questions_come_one_after_another_and_stay_until_they_are_answered(serve
 def test_curves_are_those_of_the_public_api(served, opened, two):
     state = served.get(f"/api/s/{opened}")["pad"]["C"]
     begun = state["history"][0]
-    model = {key: begun[key] for key in ("elastic", "relaxation", "effects", "values")}
+    model = model_of(begun)
     pad = f"/api/s/{opened}/pads/C"
     found, measured = served.post(f"{pad}/curves", model), served.get(f"{pad}/measured")
     bench = q.Bench.from_experiment(q.read_study(two)["C"].experiment)
@@ -241,34 +231,6 @@ def test_curves_are_those_of_the_public_api(served, opened, two):
     assert all(cell["words"].startswith("The model is") for cell in found["cells"])
 
 
-def test_five_users_at_once_each_get_their_own(served, opened, two):
-    """User k brings the forces k times as large, and so are the answers."""
-    head, *rows = two.read_text().splitlines()
-    force = head.split(",").index("force_N")
-
-    def measurements(factor):
-        cells = (row.split(",") for row in rows)
-        scaled = ([*c[:force], repr(factor * float(c[force])), *c[force + 1 :]] for c in cells)
-        return "\n".join([head, *map(",".join, scaled)]).encode()
-
-    def asked(factor):
-        with served.another_client() as user:
-            session = user.upload((f"user{factor}.csv", measurements(factor)))
-            begun = user.until(session, "ready", "failed")["pad"]["C"]["history"][0]
-            model = {key: begun[key] for key in ("elastic", "relaxation", "effects", "values")}
-            pad = f"/api/s/{session}/pads/C"
-            return user.post(f"{pad}/curves", model)["rmse"], user.get(f"{pad}/measured")
-
-    measured = served.get(f"/api/s/{opened}/pads/C/measured")
-    single = asked(1)[0]
-    with ThreadPoolExecutor(5) as users:
-        answers = list(users.map(asked, range(1, 6)))
-    for factor, (rmse, own) in enumerate(answers, start=1):
-        assert rmse == pytest.approx(factor * single, rel=1e-6)
-        for test, first in zip(own["tests"], measured["tests"], strict=True):
-            np.testing.assert_allclose(test["force"], factor * np.array(first["force"]), rtol=1e-4)
-
-
 def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
     """In a session of its own, which leaves another as it was."""
     first = served.upload(("two.csv", two.read_bytes()))
@@ -277,12 +239,12 @@ def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
         served.until(session, "ready")
     pad = f"/api/s/{first}/pads/C"
     start = served.get(f"/api/s/{first}")["pad"]["C"]["history"][0]
-    model = {key: start[key] for key in ("elastic", "relaxation", "effects", "values")}
+    model = model_of(start)
     added = served.post(f"{pad}/states", {"add": "squeeze_film", "model": model})["state"]
     assert added["rmse"] < start["rmse"]
     assert (added["parent"], added["effects"]) == (0, ["squeeze_film"])
-    with_it = {key: added[key] for key in ("elastic", "relaxation", "effects", "values")}
-    out = served.post(f"{pad}/states", {"remove": "squeeze_film", "model": with_it})["state"]
+    without = {"remove": "squeeze_film", "model": model_of(added)}
+    out = served.post(f"{pad}/states", without)["state"]
     assert out["rmse"] == pytest.approx(start["rmse"], rel=0.02)
     back = served.post(f"{pad}/current", {"state": 1})
     assert back["state"]["id"] == 1
@@ -291,11 +253,8 @@ def test_an_effect_goes_in_and_out_and_every_state_stays(served, two, tmp_path):
         lambda: served.get(f"/api/s/{first}")["pad"]["C"]["history"],
         lambda states: all(state["heldout"] is not None for state in states),
     )
-    assert [state["how"] for state in history] == [
-        "start",
-        "add squeeze_film",
-        "remove squeeze_film",
-    ]
+    how = ["start", "add squeeze_film", "remove squeeze_film"]
+    assert [state["how"] for state in history] == how
     assert history[1]["heldout"] < history[0]["heldout"]
     assert len(served.get(f"/api/s/{second}")["pad"]["C"]["history"]) == 1
 
@@ -315,7 +274,7 @@ def test_a_described_law_can_be_added(served, two):
     shown = {one["name"]: one["listed"] for one in served.get(f"{pad}/catalogue")["effects"]}
     assert shown[term.name] is True
     start = served.get(f"/api/s/{session}")["pad"]["C"]["history"][0]
-    model = {key: start[key] for key in ("elastic", "relaxation", "effects", "values")}
+    model = model_of(start)
     added = served.post(f"{pad}/states", {"add": term.name, "model": model})["state"]
     assert added["effects"] == [term.name]
     assert added["rmse"] <= start["rmse"]

@@ -40,6 +40,13 @@ def test_a_fit_keeps_its_contract_and_says_in_a_pipe_which_tests_are_of_which_pa
     for status, said, err in ran:
         assert (status, err) == (0, "")
         assert "\x1b" not in said
+    drawn = [one.name for command in ("fit", "check") for one in figures_of(command)]
+    results = ("check.json", "curves.json", "relaxation.json", "summary.json")
+    left = {*results, "posterior.nc", "relaxation.txt"}
+    left |= {f"{name}.{suffix}" for name in drawn for suffix in ("pdf", "png")}
+    assert {path.name for path in folder.iterdir()} == left
+    for suffix, begin in (("png", b"\x89PNG"), ("pdf", b"%PDF")):
+        assert (folder / f"forces.{suffix}").read_bytes().startswith(begin)
     fit = ran[0][1]
     assert fit.startswith("read: pad B of 3 tests\n")
     assert all(f"│ {name} " in fit for name in summary["parameters"])
@@ -66,16 +73,6 @@ def test_a_check_keeps_its_contract_and_its_errors_are_those_of_the_curves(check
             assert np.mean(covered) == pytest.approx(cell["coverage90"], abs=1.5 / len(rows))
 
 
-def test_nothing_else_is_left(done):
-    drawn = [one.name for command in ("fit", "check") for one in figures_of(command)]
-    results = ("check.json", "curves.json", "relaxation.json", "summary.json")
-    left = {*results, "posterior.nc", "relaxation.txt"}
-    left |= {f"{name}.{suffix}" for name in drawn for suffix in ("pdf", "png")}
-    assert {path.name for path in done[0].iterdir()} == left
-    assert (done[0] / "forces.png").read_bytes().startswith(b"\x89PNG")
-    assert (done[0] / "forces.pdf").read_bytes().startswith(b"%PDF")
-
-
 def test_check_repeats_wherever_the_data_are_and_prints_json_only(done, checked, tmp_path):
     moved = tmp_path / "moved.csv"
     moved.write_bytes((done[0].parents[1] / "some.csv").read_bytes())
@@ -88,7 +85,7 @@ def test_check_repeats_wherever_the_data_are_and_prints_json_only(done, checked,
 def test_a_reader_that_has_gone_sees_no_traceback():
     read_end, write_end = os.pipe()
     os.close(read_end)
-    line = [COMMAND, "effects", "--json"]
+    line = [COMMAND, "--version"]
     process = subprocess.run(
         line, stdout=write_end, stderr=subprocess.PIPE, timeout=900, env=environment()
     )

@@ -68,10 +68,7 @@ def test_what_a_study_writes_is_read_as_the_same(tmp_path):
     third = settings(file=tmp_path / FILE)
     assert (third["pads"], len(third["files"]), third.seed(None), third.seed(7)) == ("C", 2, 4, 7)
     assert settings("elastic=linear", file=tmp_path / FILE)["elastic"] == "linear"
-
-
-def test_paths_of_a_file_count_from_its_folder(tmp_path):
-    file = tmp_path / "mine.toml"
+    file = tmp_path / "mine.toml"  # whose paths count from its folder
     file.write_text('files = ["a.csv"]\nlaws_file = "laws.py"\nadd = ["inertia"]\n')
     found = settings(file=file)
     assert (found["files"], found["laws-file"]) == ((tmp_path / "a.csv",), tmp_path / "laws.py")

@@ -74,12 +74,9 @@ def answers(outcomes):
     return [(one.answer, one.fault) for one in outcomes]
 
 
-def test_outcomes_are_those_of_one_process(engine):
+def test_outcomes_are_those_of_one_process_and_a_killed_worker_loses_nothing(engine, tmp_path):
     alone = answers(run_all(squared, range(40)))
     assert answers(run_all(squared, range(40), engine)) == alone
-
-
-def test_a_worker_killed_in_the_middle_loses_nothing(engine, tmp_path):
     items = [(number, str(tmp_path)) for number in range(6)]
     assert answers(run_all(killed_once, items, engine)) == [(number, None) for number in range(6)]
     assert (tmp_path / "was killed").exists()

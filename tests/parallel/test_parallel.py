@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from itertools import count, islice
+from itertools import count, islice, product
 
 import pytest
 from support.work import always_killed, killed_once, process_of, squared
@@ -59,42 +59,43 @@ def test_items_are_taken_as_they_are_needed(processes):
     assert len(taken) <= 5 + processes.ahead() + running._WAITING
 
 
-def test_a_worker_killed_loses_nothing(processes, tmp_path):
+def test_a_worker_killed_loses_nothing_and_an_item_that_kills_its_workers_is_named(
+    processes, tmp_path
+):
     items = [(number, str(tmp_path)) for number in range(6)]
     found = answers(run_all(killed_once, items, processes))
     assert found == [(number, None) for number in range(6)]
     assert (tmp_path / "was killed").exists()
-
-
-def test_an_item_that_kills_its_worker_is_named_and_the_others_are_done(processes):
     found = list(run_all(always_killed, range(5), processes))
     assert [one.answer for one in found] == [0, 1, None, 3, 4]
     assert "was killed, again and again" in found[2].fault.text
 
 
-def script_of(*lines, **options):
+BEGIN = """
+import signal, time
+from support.work import lasting, process_of
+from qlvbayes.parallel.engines import opened_engine
+from qlvbayes.parallel.running import run_all
+if __name__ == "__main__":
+"""
+
+
+def script_of(lines, **options):
     """A process that runs these lines, which may use an engine of two processes."""
-    begin = (
-        "import signal, time", "from support.work import lasting, process_of",
-        "from qlvbayes.parallel.engines import opened_engine",
-        "from qlvbayes.parallel.running import run_all", "if __name__ == '__main__':",
-    )  # fmt: skip
-    script = "\n".join([*begin, *(f"    {line}" for line in lines)])
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return subprocess.Popen(
-        [sys.executable, "-c", script],
+        [sys.executable, "-c", BEGIN + lines],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, **options,
     )  # fmt: skip
 
 
 def test_processes_are_spawned_and_end_with_their_parent():
     """Also where it is killed, so that nothing is left to end them."""
-    parent = script_of(
-        "with opened_engine(2) as engine:",
-        "    found = [one.answer for one in run_all(process_of, range(1), engine)]",
-        "    print(found[0], flush=True)",
-        "    time.sleep(600)",
-    )
+    parent = script_of("""
+    with opened_engine(2) as engine:
+        print(*[one.answer for one in run_all(process_of, range(1), engine)], flush=True)
+        time.sleep(600)
+""")
     with parent:
         worker = int(parent.stdout.readline())
         assert worker not in (parent.pid, os.getpid())
@@ -106,16 +107,16 @@ def test_processes_are_spawned_and_end_with_their_parent():
 
 
 def test_ctrl_c_ends_all_at_once_and_is_quiet():
-    parent = script_of(
-        # what is begun in the background of a shell ignores it, and so would its processes
-        "signal.signal(signal.SIGINT, signal.default_int_handler)",
-        "try:",
-        "    with opened_engine(2) as engine:",
-        "        list(run_all(lasting, range(2), engine))",
-        "except KeyboardInterrupt:",
-        "    print('stopped')",
-        start_new_session=True,
-    )
+    # what is begun in the background of a shell ignores it, and so would its processes
+    lines = """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with opened_engine(2) as engine:
+            list(run_all(lasting, range(2), engine))
+    except KeyboardInterrupt:
+        print('stopped')
+"""
+    parent = script_of(lines, start_new_session=True)
     with parent:
         assert [parent.stdout.readline() for _ in range(2)] == ["begun\n"] * 2
         os.killpg(parent.pid, signal.SIGINT)  # as a terminal does: workers hear it too
@@ -140,16 +141,11 @@ def test_one_process_does_it_here_and_a_list_does_not():
         engine_of([])
 
 
-@pytest.mark.parametrize("total", [0, 1, 7, 12])
-@pytest.mark.parametrize("count", [1, 3, 5])
-def test_shards_are_everything_once(total, count):
-    items = list(range(total))
-    parts = [Shard(place, count).part(items) for place in range(1, count + 1)]
-    assert sorted(item for part in parts for item in part) == items
-    assert max(map(len, parts)) - min(map(len, parts)) <= 1
-
-
-def test_a_shard_is_written_or_is_slurms(monkeypatch):
+def test_shards_are_everything_once_and_written_or_slurms(monkeypatch):
+    for total, parts in product((0, 1, 7, 12), (1, 3, 5)):
+        found = [Shard(place, parts).part(range(total)) for place in range(1, parts + 1)]
+        assert sorted(item for part in found for item in part) == list(range(total))
+        assert max(map(len, found)) - min(map(len, found)) <= 1
     assert Shard.from_text(" 3/200 ") == Shard(3, 200)
     for text in ("0/2", "3/2", "a/2", "3", "3/", "1/0", "-1/2"):
         with pytest.raises(InputError):

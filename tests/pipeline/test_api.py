@@ -7,6 +7,7 @@ import itertools
 import pkgutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import ModuleType
 
@@ -73,17 +74,16 @@ def test_importing_loads_nothing_that_is_not_used():
 
 
 def test_a_study_has_its_pads_by_name_and_a_fit_says_what_the_readme_asks_of_it(study):
-    assert list(study) == ["C"]
-    assert len(study) == 1
-    assert "C" in study
-    assert study["C"] is study["C"]
+    assert (list(study), len(study), "C" in study) == (["C"], 1, True)
     assert study["C"].experiment is study["C"].experiment
-    assert repr(study) == "<study two.csv: C>"
-    assert repr(study["C"]) == "<pad C, 2 tests>"
+    assert repr([study, study["C"]]) == "[<study two.csv: C>, <pad C, 2 tests>]"
     with pytest.raises(q.InputError, match=r"no pad 'D'.*name one of: C"):
         study["D"]
     fit = study["C"].fit(method="least-squares", settings=q.Settings(seed=3))
     summary = fit.summary()
+    with ThreadPoolExecutor(1) as executor:  # or any other
+        again = study.fit(method="least-squares", settings=q.Settings(seed=3), client=executor)
+    assert {pad: one.summary() for pad, one in again.items()} == {"C": summary}
     assert summary.settings == q.Settings(seed=3)
     assert str(summary).splitlines()[0].split()[:2] == ["m", f"{summary['m'].median:.4g}"]
     assert [one.trial.name for one in fit.predict()] == [t.name for t in fit.experiment.trials]

@@ -10,11 +10,10 @@ import pytest
 from support.endtoend import Listener, call, read_json, with_tests
 from support.work import MeanStep, pads
 
-from qlvbayes import read_study, write_report
+from qlvbayes import write_report
 from qlvbayes.fitting.results import RunLog
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import alone_in
-from qlvbayes.model.choices import Choices
 from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.running import FailedError, Fault
 from qlvbayes.pipeline.derived import draw_constants
@@ -58,6 +57,11 @@ def test_a_bad_pad_stops_nothing_and_is_named(tmp_path, two):
     assert found.faults == (Fault("some.csv, line 3: no force; measure it", of="pad bad"),)
     assert notices == ["pad A: done", "pad C: done"]
     assert faults_in(tmp_path / "one") == list(found.faults)
+    for file in (tmp_path / "one" / FINISHED / "failed").iterdir():
+        file.rename(file.with_name("A.json"))
+    run(tmp_path / "one", ["A"])  # one that was mended is no longer named
+    assert faults_in(tmp_path / "one") == []
+    run(tmp_path / "one", names)
     side_by_side, again = run(tmp_path / "two", names, engine=two)
     assert (side_by_side, again) == (found, notices)
     assert files(tmp_path / "one") == files(tmp_path / "two")
@@ -74,32 +78,18 @@ def test_what_is_finished_is_told_not_done_again(tmp_path, two):
     assert run(tmp_path, "AB", MeanStep(1.0))[1] == ["pad A: there", "pad B: done"]
 
 
-def test_a_pad_that_was_mended_is_no_longer_named(tmp_path):
-    run(tmp_path, ["bad"])
-    assert len(faults_in(tmp_path)) == 1
-    for file in (tmp_path / FINISHED / "failed").iterdir():
-        content = json.loads(file.read_bytes())
-        assert content["fault"] == "some.csv, line 3: no force; measure it"
-        file.rename(file.with_name("good.json"))
-    run(tmp_path, ["good"])
-    assert faults_in(tmp_path) == []
-
-
 def test_two_runs_into_one_folder_do_not_mix(tmp_path):
     with alone_in(tmp_path / "A"):
         found, notices = run(tmp_path, "AB", MeanStep(1.0))
     assert found.pads == ("B",)
     assert notices == ["pad B: done"]
     (fault,) = found.faults
-    assert fault.of == "pad A"
-    assert fault.mendable
+    assert (fault.of, fault.mendable) == ("pad A", True)
     assert "another run is writing results here" in fault.text
     assert not (tmp_path / "A").exists()
     assert run(tmp_path, "AB", MeanStep(1.0))[1] == ["pad A: done", "pad B: there"]
 
-
-def test_what_a_killed_run_left_half_written_is_removed(tmp_path):
-    (tmp_path / "A").mkdir()
+    # what a killed run left half written is removed
     part = tmp_path / "A" / "mean.json.4711.part"
     part.write_text("half")
     (tmp_path / "A" / "mine.part").write_text("a user's own file")
@@ -198,16 +188,6 @@ def test_parts_gathered_are_the_whole(whole, folder, tmp_path):
     assert {name: left[name] for name in expected} == expected
     assert {"report.html", "forces_at_rates.png", "A/check.json"} <= set(left)
     assert RunLog.read(tmp_path / "run.json").runs["fit"].source == str(folder)
-
-
-def test_a_study_in_python_is_worked_on_by_any_executor(folder):
-    study = read_study(folder / "B.csv")
-    options = {"choices": Choices(modes=1, noise="white"), "method": "least-squares"}
-    one = study.fit(**options)
-    with ThreadPoolExecutor(2) as executor:
-        two = study.fit(**options, client=executor)
-    assert list(one) == list(two) == ["B"]
-    assert two["B"].summary() == one["B"].summary()
 
 
 def test_a_report_of_many_pads_is_a_table_and_a_page_each(alone, tmp_path):
