@@ -21,7 +21,16 @@ def static(**options: Any) -> Any:
     return field(metadata={"static": True}, **options)
 
 
-@dataclass_transform(eq_default=False, field_specifiers=(field, static))
+def constant(unit: str, meaning: str, **options: Any) -> Any:
+    """Return a field of a number or a prior: the kind of its unit, and what it means.
+
+    The kind is a name that `UnitSystem.of` takes. A class has both by constant, as its ``units``
+    and ``meanings``.
+    """
+    return field(metadata={"unit": unit, "meaning": meaning}, **options)
+
+
+@dataclass_transform(eq_default=False, field_specifiers=(field, static, constant))
 class Pytree(ABC):  # subclasses have the abstract methods
     """Base of classes of arrays; every subclass becomes a dataclass and a pytree of JAX.
 
@@ -40,6 +49,10 @@ class Pytree(ABC):  # subclasses have the abstract methods
         own = fields(cls)
         fixed = tuple(one.name for one in own if one.metadata.get("static", False))
         cls._parts = tuple(one.name for one in own if one.name not in fixed), fixed
+        said = {one.name: one.metadata for one in own if "unit" in one.metadata}
+        for attribute, word in (("units", "unit"), ("meanings", "meaning")):
+            if said and attribute not in vars(cls):
+                setattr(cls, attribute, {name: text[word] for name, text in said.items()})
         made = partial(_put_together, cls)
         register_pytree_with_keys(cls, _taken_apart_with_keys, made, _taken_apart)
 

@@ -188,7 +188,12 @@ def _effect(kind: Any) -> str:
     elif not kind.inverts:
         remarks.append(f"No displacement follows from a force: {kind.not_inverted}.")
     rows = [
-        (f"`{kind.name}.{name}`", PAD.of(word), str(kind.null.get(name, "")))
+        (
+            f"`{kind.name}.{name}`",
+            kind.meanings[name].replace("``", "`"),
+            PAD.of(word),
+            str(kind.null.get(name, "")),
+        )
         for name, word in kind.units.items()
     ]
     return "\n\n".join(
@@ -196,7 +201,7 @@ def _effect(kind: Any) -> str:
             f"{'###' if kind.generalises else '##'} {kind.name}",
             markdown(inspect.getdoc(kind) or ""),
             "\n\n".join(remarks),
-            _table(("constant", "unit", "vanishes at"), rows),
+            _table(("constant", "what it is", "unit", "vanishes at"), rows),
             f"Acts on: {kind.level.name.lower()}{', also off the pad' * kind.off_pad}. "
             f"Reference: {kind.reference}.",
         )

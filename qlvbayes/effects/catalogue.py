@@ -5,97 +5,69 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from qlvbayes.effects.contacts import (
-    Adhesion,
-    AdhesionAtAStretch,
-    ContactOffset,
-    GradualContact,
-    SecondContact,
-)
-from qlvbayes.effects.drags import (
-    GuideDrag,
-    GuidePowerLawDrag,
-    Inertia,
-    PowerLawDrag,
-    SqueezeFilm,
-    ViscousDrag,
-)
-from qlvbayes.effects.drifts import (
-    FluidLeak,
-    ForceDrift,
-    ForceOffset,
-    LevellingDrift,
-    LevellingLeak,
-    LoadCellCreep,
-    OffsetsByTest,
-    SlowChange,
+from qlvbayes.effects import (
+    contacts,
+    drags,
+    drifts,
+    fluids,
+    frames,
+    friction,
+    lags,
+    relaxing,
+    softening,
 )
 from qlvbayes.effects.effect import AbstractEffect
-from qlvbayes.effects.fluids import FluidPressure, PowerLawDrainage
-from qlvbayes.effects.frames import Backlash, FrameCompliance, FrameRinging, StiffeningFrame
-from qlvbayes.effects.friction import (
-    Friction,
-    GuideFriction,
-    InterfaceSlip,
-    PressureFriction,
-    SharpFriction,
-)
-from qlvbayes.effects.lags import ChannelLag, SpreadingLag
-from qlvbayes.effects.relaxing import (
-    ExtraRelaxationMode,
-    StrainDependentRate,
-    StrainDependentStrength,
-)
-from qlvbayes.effects.softening import Conditioning, PermanentSet, StressSoftening, Thixotropy
 from qlvbayes.io.catalogue import EFFECT_POINTS, at, check_own, installed, own_classes
 from qlvbayes.io.checks import InputError, check_known
 
+_CHECK = "effects.conformance.check_effect"  # which imports this list
+
 EFFECTS: tuple[type[AbstractEffect], ...] = (
-    ViscousDrag,
-    PowerLawDrag,
-    SqueezeFilm,
-    FluidPressure,
-    FluidLeak,
-    ExtraRelaxationMode,
-    StrainDependentRate,
-    StrainDependentStrength,
-    StressSoftening,
-    Thixotropy,
-    Conditioning,
-    Friction,
-    SecondContact,
-    InterfaceSlip,
-    PermanentSet,
-    ContactOffset,
-    Backlash,
-    Adhesion,
-    FrameCompliance,
-    FrameRinging,
-    Inertia,
-    ForceOffset,
-    ForceDrift,
-    LoadCellCreep,
-    ChannelLag,
+    drags.ViscousDrag,
+    drags.PowerLawDrag,
+    drags.SqueezeFilm,
+    fluids.FluidPressure,
+    drifts.FluidLeak,
+    relaxing.ExtraRelaxationMode,
+    relaxing.StrainDependentRate,
+    relaxing.StrainDependentStrength,
+    softening.StressSoftening,
+    softening.Thixotropy,
+    softening.Conditioning,
+    friction.Friction,
+    contacts.SecondContact,
+    friction.InterfaceSlip,
+    softening.PermanentSet,
+    contacts.ContactOffset,
+    frames.Backlash,
+    contacts.Adhesion,
+    frames.FrameCompliance,
+    frames.FrameRinging,
+    drags.Inertia,
+    drifts.ForceOffset,
+    drifts.ForceDrift,
+    drifts.LoadCellCreep,
+    lags.ChannelLag,
 )
 """The listed effects: those that a diagnosis looks for and names."""
 
 FORMS: tuple[type[AbstractEffect], ...] = (
-    GuideDrag,
-    GuidePowerLawDrag,
-    PowerLawDrainage,
-    LevellingLeak,
-    PressureFriction,
-    SharpFriction,
-    GuideFriction,
-    GradualContact,
-    AdhesionAtAStretch,
-    StiffeningFrame,
-    LevellingDrift,
-    SpreadingLag,
+    drags.GuideDrag,
+    drags.GuidePowerLawDrag,
+    fluids.PowerLawDrainage,
+    drifts.LevellingLeak,
+    friction.PressureFriction,
+    friction.SharpFriction,
+    friction.GuideFriction,
+    contacts.GradualContact,
+    contacts.AdhesionAtAStretch,
+    frames.StiffeningFrame,
+    drifts.LevellingDrift,
+    lags.SpreadingLag,
 )
 """Other forms of listed effects; each contains the law of its listed effect, its family."""
 
-OUTSIDE: tuple[type[AbstractEffect], ...] = (SlowChange, OffsetsByTest)
+OUTSIDE: tuple[type[AbstractEffect], ...] = (drifts.SlowChange, drifts.OffsetsByTest)
 """Effects that name nothing: they stand for whatever the list does not hold."""
 
 EVERY: tuple[type[AbstractEffect], ...] = (*EFFECTS, *FORMS, *OUTSIDE)
@@ -125,11 +97,7 @@ def find(name: str, kinds: Sequence[type[AbstractEffect]] = EVERY) -> type[Abstr
 
 def installed_effects() -> tuple[type[AbstractEffect], ...]:
     """Return the effects that installed packages add, by the entry points ``qlvbayes.effects``."""
-
-    def check(kind: type[AbstractEffect]) -> None:
-        at("effects.conformance.check_effect")(kind)
-
-    return installed(EFFECT_POINTS, "effect", names(EVERY), check)
+    return installed(EFFECT_POINTS, "effect", names(EVERY), lambda kind: at(_CHECK)(kind))
 
 
 def own_effects(path: str | Path) -> tuple[type[AbstractEffect], ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
@@ -17,7 +16,7 @@ from qlvbayes.effects.catalogue import EFFECTS, EVERY
 from qlvbayes.effects.contacts import Adhesion
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
 from qlvbayes.io.catalogue import Check, run_checks
-from qlvbayes.io.units import PAD
+from qlvbayes.laws.conformance import check_words
 from qlvbayes.laws.elastic.exponential import Exponential
 from qlvbayes.laws.layered import Contact, Law, Layer
 from qlvbayes.laws.motion import Line, Motion
@@ -39,9 +38,6 @@ _RATES = (0.1, 1.0, 10.0, 20.0, 30.0, 100.0)  # mm/s
 _STROKE, _ACCELERATION, _HOLD, _PAUSE = 1.6, 1000.0, 30.0, 120.0  # mm, mm/s2, s, s
 _POINTS = 9  # points of a piece of constant acceleration
 _SHOWING = Protocol(unloads=True, returns=True, tests=7, bonded=False, curved=True)
-
-Values = dict[str, float]
-Forces = Callable[[Motion], tuple[Array, Array]]
 
 
 class EffectError(AssertionError):
@@ -114,8 +110,9 @@ class _Reference:
     scales: Scales
 
     @property
-    def peak(self) -> float:
-        return self.scales.force
+    def last(self) -> Motion:
+        """Return the last test alone."""
+        return jax.tree.map(lambda x: x[-1], self.motions)
 
 
 class _Trial:
@@ -129,10 +126,10 @@ class _Trial:
         self.free = [n for n, p in priors.items() if isinstance(p, AbstractScalarPrior)]
         draws = [[float(priors[name].draw(rng)) for name in self.free] for _ in range(_DRAWS)]
         self.draws = np.array(draws)
-        null = self.kind.null
-        self.nulls = np.where(
-            [name in null for name in self.free], [null.get(n, 0.0) for n in self.free], self.draws
-        )
+        self.nulls = self.draws.copy()
+        for k, name in enumerate(self.free):
+            if name in self.kind.null:
+                self.nulls[:, k] = self.kind.null[name]
         self.run = jax.jit(self._forces_and_slopes)
         self.at_draws = [self.both(draw) for draw in self.draws]
         self.at_null = [self.both(null) for null in self.nulls]
@@ -145,6 +142,13 @@ class _Trial:
     def values(self, constants: np.ndarray) -> str:
         """Return the constants as text."""
         return ", ".join(f"{n}={x:.3g}" for n, x in zip(self.free, constants, strict=True))
+
+    def require_equal(self, found: Array, wanted: Array, words: str, most: float = _EXACT) -> None:
+        """Raise an EffectError, in these words, unless two forces are equal."""
+        error = np.max(np.abs(np.asarray(found) - wanted)) / self.reference.scales.force
+        if not error <= most:
+            name = self.kind.name + (" " if words[0] != ":" else "")
+            raise EffectError(f"{name}{words} {error:.1e} of the peak")
 
     def law(self, constants: Array) -> Law:
         """Return the baseline law with the effect, and with contact where the model has it."""
@@ -174,29 +178,14 @@ class _Trial:
 
 
 def _check_declarations(kind: type[AbstractEffect]) -> None:
-    if inspect.isabstract(kind):
-        missing = ", ".join(sorted(kind.__abstractmethods__))
-        raise EffectError(f"{kind.__name__} lacks {missing}")
     own = {field.name for field in fields(kind)}
+    check_words(kind, own, ("units",), ("law", "seen", "reference"), EffectError)
     if not kind.name.isidentifier() or kind.name != kind.name.lower():
         raise EffectError(f"{kind.__name__}: the name {kind.name!r} is not lower case with _ only")
     if not own:
         raise EffectError(f"{kind.name} has no constants: give it one field each")
-    if set(kind.units) != own:
-        raise EffectError(f"{kind.name}: units must name exactly its constants {_list(own)}")
-    for constant, unit in kind.units.items():
-        if not PAD.knows(unit):
-            raise EffectError(
-                f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}]); the kinds are "
-                f"{', '.join(PAD.kinds)}"
-            )
     if not kind.null or not set(kind.null) <= own:
         raise EffectError(f"{kind.name}: null must name one or more of its constants {_list(own)}")
-    for word in ("law", "seen", "reference"):
-        text = getattr(kind, word)
-        if not text.strip() or "\n" in text:
-            raise EffectError(f"{kind.name}: {word} must be one line of text")
-
     if kind.outside and kind.generalises:
         raise EffectError(f"{kind.name} names nothing, and cannot generalise {kind.generalises}")
     if kind.reduces and not kind.generalises:
@@ -263,46 +252,37 @@ def _check_amplitude(default: AbstractEffect) -> None:
 
 def _check_null(trial: _Trial) -> None:
     for constants, (force, _) in zip(trial.nulls, trial.at_null, strict=True):
-        error = np.max(np.abs(force - trial.reference.baseline)) / trial.reference.peak
-        if not error <= _EXACT:
-            raise EffectError(
-                f"{trial.kind.name} does not vanish at its null: with {trial.values(constants)} "
-                f"the force is off by {error:.1e} of the peak"
-            )
+        trial.require_equal(
+            force,
+            trial.reference.baseline,
+            f"does not vanish at its null: with {trial.values(constants)} the force is off by",
+        )
 
 
 def _check_slight(trial: _Trial) -> None:
     acceleration = np.asarray(trial.reference.motions.acceleration)
-    kinks = np.diff(acceleration, axis=1, prepend=acceleration[:, :1]) != 0.0
+    smooth = np.diff(acceleration, axis=1, prepend=acceleration[:, :1]) == 0.0
     for draw, null, (nothing, _) in zip(trial.draws, trial.nulls, trial.at_null, strict=True):
         force, _ = trial.both(null + _SLIGHT * (draw - null))
-        error = np.max(np.abs(force - nothing)[~kinks]) / trial.reference.peak
-        if not error <= _NEXT_TO_NOTHING:
-            raise EffectError(
-                f"{trial.kind.name} jumps: with a billionth of {trial.values(draw)} the force is "
-                f"off by {error:.1e} of the peak"
-            )
+        words = f"jumps: with a billionth of {trial.values(draw)} the force is off by"
+        trial.require_equal(force[smooth], nothing[smooth], words, _NEXT_TO_NOTHING)
 
 
 def _check_finite(trial: _Trial) -> None:
     points = [*trial.draws, *trial.nulls]
     for constants, (force, slopes) in zip(points, trial.at_draws + trial.at_null, strict=True):
-        if not np.all(np.isfinite(force)):
-            raise EffectError(
-                f"{trial.kind.name}: the force is not finite with {trial.values(constants)}"
-            )
-        for name, slope in zip(trial.free, slopes, strict=True):
-            if not np.all(np.isfinite(slope)):
+        every = {"the force": force}
+        every |= {f"the slope along {n}": x for n, x in zip(trial.free, slopes, strict=True)}
+        for what, values in every.items():
+            if not np.all(np.isfinite(values)):
                 raise EffectError(
-                    f"{trial.kind.name}: the slope along {name} is not finite with "
-                    f"{trial.values(constants)}"
+                    f"{trial.kind.name}: {what} is not finite with {trial.values(constants)}"
                 )
 
 
 def _check_causal(trial: _Trial) -> None:
     motions = trial.reference.motions
     points = motions.time.shape[1]
-    constants, force = jnp.asarray(trial.draws[0]), trial.at_draws[0][0]
     for last in range(_POINTS // 2, points - 1, points // 8):
         later = jnp.arange(points) > last
         changed = replace(
@@ -311,35 +291,26 @@ def _check_causal(trial: _Trial) -> None:
             velocity=jnp.where(later, -motions.velocity, motions.velocity),
             acceleration=jnp.where(later, 2.0 * motions.acceleration, motions.acceleration),
         )
-        other = np.asarray(trial.run(constants, changed)[0])
-        error = np.max(np.abs(other - force)[:, : last + 1]) / trial.reference.peak
-        if not error <= _EXACT:
-            raise EffectError(
-                f"{trial.kind.name} is not causal: later motion changes the force before it by "
-                f"{error:.1e} of the peak"
-            )
+        before = slice(None), slice(last + 1)
+        trial.require_equal(
+            trial.run(jnp.asarray(trial.draws[0]), changed)[0][before],
+            trial.at_draws[0][0][before],
+            "is not causal: later motion changes the force before it by",
+        )
 
 
 def _check_compiled(trial: _Trial) -> None:
-    one = jax.tree.map(lambda x: x[-1], trial.reference.motions)
-    plain = np.asarray(trial.law(jnp.asarray(trial.draws[0])).force(one))
-    error = np.max(np.abs(plain - trial.at_draws[0][0][-1])) / trial.reference.peak
-    if not error <= _EXACT:
-        raise EffectError(
-            f"{trial.kind.name}: compiled and plain evaluation differ by {error:.1e} of the peak"
-        )
+    plain = trial.law(jnp.asarray(trial.draws[0])).force(trial.reference.last)
+    words = ": compiled and plain evaluation differ by"
+    trial.require_equal(plain, trial.at_draws[0][0][-1], words)
 
 
 def _check_batched(trial: _Trial) -> None:
     batched = jax.jit(jax.vmap(trial.forces, in_axes=(0, None)))
-    together = np.asarray(batched(jnp.asarray(trial.draws), trial.reference.motions))
+    together = batched(jnp.asarray(trial.draws), trial.reference.motions)
     alone = np.stack([force for force, _ in trial.at_draws])
-    error = np.max(np.abs(together - alone)) / trial.reference.peak
-    if not error <= _EXACT:
-        raise EffectError(
-            f"{trial.kind.name}: a batch of constants and one at a time differ by {error:.1e} of "
-            "the peak"
-        )
+    words = ": a batch of constants and one at a time differ by"
+    trial.require_equal(together, alone, words)
 
 
 def _check_reduces(trial: _Trial) -> None:
@@ -351,32 +322,25 @@ def _check_reduces(trial: _Trial) -> None:
     bonded = _is_outer(kind, listed)  # there nothing is cut between the two places
 
     @jax.jit
-    def both(values: Values) -> tuple[Array, Array]:
-        general = trial.law_with(kind(**(values | kind.reduces)), bonded)
-        special = trial.law_with(listed(**{name: values[name] for name in shared}), bonded)
-        forces: Forces = jax.vmap(lambda one: (general.force(one), special.force(one)))
-        return forces(trial.reference.motions)
+    def both(values: dict[str, float]) -> list[Array]:
+        of_listed = {name: values[name] for name in shared}
+        laws = trial.law_with(kind(**values), bonded), trial.law_with(listed(**of_listed), bonded)
+        return [jax.vmap(law.force)(trial.reference.motions) for law in laws]
 
     fixed = {field.name: getattr(trial.default, field.name) for field in fields(kind)}
     for draw in trial.draws[:_REDUCED]:
-        values = {**fixed, **dict(zip(trial.free, draw, strict=True)), **kind.reduces}
-        general, special = (np.asarray(force) for force in both(values))
-        error = np.max(np.abs(general - special)) / trial.reference.peak
-        if not error <= _EXACT:
-            raise EffectError(
-                f"{kind.name} is not {listed.name} at {kind.reduces}: with "
-                f"{trial.values(draw)} the force is off by {error:.1e} of the peak"
-            )
+        values = fixed | dict(zip(trial.free, draw, strict=True)) | kind.reduces
+        words = f"is not {listed.name} at {kind.reduces}: with {trial.values(draw)}"
+        general, special = both(values)
+        trial.require_equal(general, special, f"{words} the force is off by")
 
 
 def _check_off_pad(trial: _Trial) -> None:
-    reference, said = trial.reference, trial.kind.off_pad
-    away = replace(
-        reference.motions,
-        displacement=reference.motions.displacement - _OFF * reference.scales.depth,
-    )
-    forces = [np.asarray(trial.run(jnp.asarray(draw), away)[0]) for draw in trial.draws[:_REDUCED]]
-    largest = max(float(np.max(np.abs(force))) for force in forces) / reference.peak
+    motions, said = trial.reference.motions, trial.kind.off_pad
+    place = motions.displacement - _OFF * trial.reference.scales.depth
+    away = replace(motions, displacement=place)
+    forces = [trial.run(jnp.asarray(draw), away)[0] for draw in trial.draws[:_REDUCED]]
+    largest = float(np.max(np.abs(forces))) / trial.reference.scales.force
     if (largest > _EXACT) != said:
         raise EffectError(
             f"{trial.kind.name} says off_pad = {said}, and where the platen is off the pad it adds "
@@ -387,24 +351,18 @@ def _check_off_pad(trial: _Trial) -> None:
 def _check_steps(trial: _Trial) -> None:
     if trial.kind.step is AbstractEffect.step:
         return
-    motion = jax.tree.map(lambda x: x[-1], trial.reference.motions)
+    motion = trial.reference.last
     duration, travel = jnp.diff(motion.time), jnp.diff(motion.displacement)
     moving = duration > 0.0
     speeds = jnp.where(moving, travel / jnp.where(moving, duration, 1.0), 0.0)
     lines = Line(duration, motion.displacement[1:], speeds, jnp.zeros_like(duration))
-    zero = jnp.zeros(1)
-    velocity = jnp.concatenate([zero, speeds])
+    velocity = jnp.concatenate([jnp.zeros(1), speeds])
     still, start = jnp.zeros_like(velocity), -motion.time[0]
     broken = replace(motion, velocity=velocity, acceleration=still, start=start)
     law = trial.law(jnp.asarray(trial.draws[0]))
     stepped = _stepped(law, motion.displacement[0], lines)
-    whole = np.asarray(law.force(broken))[1:]
-    error = np.max(np.abs(np.asarray(stepped) - whole)) / trial.reference.peak
-    if not error <= _EXACT:
-        raise EffectError(
-            f"{trial.kind.name}: steps and the force of a whole motion differ by {error:.1e} of "
-            "the peak"
-        )
+    words = ": steps and the force of a whole motion differ by"
+    trial.require_equal(stepped, law.force(broken)[1:], words)
 
 
 @jax.jit
@@ -415,7 +373,9 @@ def _stepped(law: Law, first: Array, lines: Line) -> Array:
 
 def _check_size(trial: _Trial) -> None:
     low, high = _FAIR
-    size = float(np.median(_sizes(trial)))
+    forces = np.array([force for force, _ in trial.at_draws])
+    largest = np.max(np.abs(forces - trial.reference.baseline), axis=(1, 2))
+    size = float(np.median(largest)) / trial.reference.scales.force
     if not low <= size <= high:
         raise EffectError(
             f"{trial.kind.name}: under its prior it changes the force by {size:.2%} of the peak "
@@ -435,13 +395,6 @@ _RULES: dict[str, Callable[[_Trial], None]] = {
     "off the pad": _check_off_pad,
     "steps": _check_steps,
 }
-
-
-def _sizes(trial: _Trial) -> np.ndarray:
-    """Return the largest contribution to the force over the peak force at each draw, (D,)."""
-    baseline = trial.reference.baseline
-    largest = [np.max(np.abs(force - baseline)) for force, _ in trial.at_draws]
-    return np.array(largest) / trial.reference.peak
 
 
 @cache
@@ -464,7 +417,7 @@ def _reference(depth: float, force: float) -> _Reference:
     baseline = np.asarray(jax.vmap(law.force)(motions))
     if force > 0.0:
         factor = force / float(baseline.max())
-        law = Law(Exponential(0.34 / stretch * factor, 1.165 / stretch), prony, (Contact(),))
+        law = replace(law, elastic=Exponential(0.34 / stretch * factor, 1.165 / stretch))
         baseline = baseline * factor
     scales = Scales(
         force=float(baseline.max()),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.layered import Law, State
@@ -52,14 +52,15 @@ class AbstractEffect(Pytree):
 
     * ``name``: its name on the command line,
     * ``level`` and, within the level, ``rank``: where it nests,
-    * ``units``: the kind of unit of each constant (a name that `UnitSystem.of` takes),
-    * ``null``: the constants, each with its value, at which the effect vanishes exactly; the first
-      is its amplitude,
+    * ``units``: the kind of unit of each constant (a name that `UnitSystem.of` takes), unless its
+      fields say them (`qlvbayes.pytree.constant`),
     * ``law``, ``seen`` and ``reference``: its formula, what a user would see, and its source, in
       one line each,
 
     and, where the default does not hold,
 
+    * ``null``: the constants, each with its value, at which the effect vanishes exactly; the first
+      is its amplitude. Else this is the first constant, at 0,
     * ``needs``: what its force is computed from, ``displacement``, ``velocity`` or
       ``acceleration``; records that do not give it cannot show the effect,
     * ``costly``: whether it evaluates the law beneath it several times, or at more points,
@@ -93,6 +94,13 @@ class AbstractEffect(Pytree):
     not_stepped: ClassVar[str] = "the effect does not say how it steps"
     inverts: ClassVar[bool] = True
     not_inverted: ClassVar[str] = "the effect does not say which displacement has a force"
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Give the effect the null of most."""
+        super().__init_subclass__(**options)
+        own = fields(cls)
+        if own and not hasattr(cls, "null"):
+            cls.null = {own[0].name: 0.0}
 
     @classmethod
     def family(cls) -> str:
@@ -160,3 +168,18 @@ class AbstractEffect(Pytree):
         if cls.needs == "acceleration" and not protocol.curved:
             return "no acceleration is resolved"
         return None
+
+
+class AbstractPointwise(AbstractEffect):
+    """Effect on the force at each point, which follows from where the platen is, without a past."""
+
+    @abstractmethod
+    def changed(self, force: Array, now: Motion | Line, below: Law) -> Array:
+        """Return what the force (N) of the law beneath becomes, at places and speeds ``now``."""
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        return self.changed(below.force(motion), motion, below)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        state, force = below.step(state, line)
+        return state, self.changed(force, line, below)

@@ -19,6 +19,7 @@ from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
 from qlvbayes.priors import HalfNormal, LogUniform, Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
 
 
@@ -26,34 +27,26 @@ class FluidPressure(AbstractEffect):
     """Pressure of trapped fluid: F = F_below + p, dp/dt = k v - (p/tau) e^{-a d}, p(0) = 0.
 
     In the time xi = int e^{-a d} dt this is one relaxing mode.
-
-    * ``k``: undrained stiffness (N/mm), zero or more.
-    * ``tau``: time of drainage at zero depth (s).
-    * ``a``: how compression closes the pores (1/mm).
     """
 
-    k: Constant
-    tau: Constant
-    a: Constant
+    k: Constant = constant("stiffness", "undrained stiffness, zero or more")
+    tau: Constant = constant("time", "time of drainage at zero depth")
+    a: Constant = constant("exponent", "how compression closes the pores")
     name: ClassVar[str] = "fluid_pressure"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 3
-    units: ClassVar[dict[str, str]] = {"k": "stiffness", "tau": "time", "a": "exponent"}
-    null: ClassVar[dict[str, float]] = {"k": 0.0}
     law: ClassVar[str] = "dp/dt = k v - (p/tau) e^(-a delta), F += p"
     seen: ClassVar[str] = "a transient after each move, slower to die the deeper it is"
     reference: ClassVar[str] = "Lai, Mow & Roth 1981, doi:10.1115/1.3138261"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with k scaled by the depth."""
         low, high = resolved_times(scales)
         return cls(
             scales.positive(scales.depth), LogUniform(low, high), HalfNormal(1.0 / scales.depth)
         )
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force with the pressure added."""
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
         depth = own.displacement - own.displacement[0]
@@ -61,11 +54,9 @@ class FluidPressure(AbstractEffect):
         return below.force(motion) + pressure
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and no pressure."""
         return below.begin(displacement), Relaxing(displacement, np.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force with the pressure added."""
         inner, own = state
         inner, force = below.step(inner, line)
         xi_step = material_duration(line.duration, own.depth, line.displacement, -self.a)
@@ -82,35 +73,19 @@ _NEAR = 1e-5  # relative gap, below which a secant is the tangent in its middle 
 _POWERS = (0.25, 4.0)  # bounds of m: 1/2 to 2 for n = 3, 1 for 2; beyond, rho hardly changes
 
 
-class PowerLawDrainage(AbstractEffect):
+class PowerLawDrainage(FluidPressure):
     """Pressure that drains as a power of itself: F = F_below + k q.
 
     It follows dq/dt = v - (q/tau) abs(q/stroke)^{n-1} e^{-a d}, q(0) = 0. A shear-thinning fluid
     seeps as a power of the pressure, and the last of it stays long.
-
-    * ``k``: undrained stiffness (N/mm), zero or more.
-    * ``tau``: time (s) in which, at zero depth, the pressure of an undrained ``stroke`` drains.
-    * ``a``: how compression closes the pores (1/mm).
-    * ``n``: exponent, from 1 (Darcy's flow) to 3.
-    * ``stroke``: reference compression (mm), which is fixed.
     """
 
-    k: Constant
-    tau: Constant
-    a: Constant
-    n: Constant
-    stroke: Constant
+    tau: Constant = constant(
+        "time", "time in which, at zero depth, the pressure of an undrained ``stroke`` drains"
+    )
+    n: Constant = constant("fraction", "exponent, from 1 (Darcy's flow) to 3")
+    stroke: Constant = constant("displacement", "reference compression, which is fixed")
     name: ClassVar[str] = "power_law_drainage"
-    level: ClassVar[Level] = FluidPressure.level
-    rank: ClassVar[int] = FluidPressure.rank
-    units: ClassVar[dict[str, str]] = {
-        "k": "stiffness",
-        "tau": "time",
-        "a": "exponent",
-        "n": "fraction",
-        "stroke": "displacement",
-    }
-    null: ClassVar[dict[str, float]] = {"k": 0.0}
     generalises: ClassVar[str] = FluidPressure.name
     reduces: ClassVar[dict[str, float]] = {"n": 1.0}
     law: ClassVar[str] = "dq/dt = v - (q/tau) |q/stroke|^(n-1) e^(-a delta), F += k q"
@@ -119,23 +94,19 @@ class PowerLawDrainage(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with the priors of fluid_pressure, the tests' stroke, and n uniform."""
         linear = FluidPressure.default(scales)
         return cls(linear.k, linear.tau, linear.a, Uniform(1.0, 3.0), scales.depth)
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force with the pressure added."""
         own = motion.alone
         xi = material_time(own.time, own.displacement, -self.a)
         pressed = _undrained(xi, own.displacement, self.tau, self.n, self.stroke)
         return below.force(motion) + self.k * pressed
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, the depth, and no pressure."""
         return below.begin(displacement), displacement, xp.zeros_like(displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force with the pressure added."""
         inner, depth, q = state
         inner, force = below.step(inner, line)
         xi_step = material_duration(line.duration, depth, line.displacement, -self.a)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from dataclasses import replace
 from typing import ClassVar, Self
 
@@ -11,35 +10,45 @@ import numpy as np
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.history import confined
+from qlvbayes.effects.history import dragged
 from qlvbayes.io.catalogue import READINGS_A_PERIOD, SLOWEST_HZ
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
 
 _STEPS = 4  # quasi-Newton steps; their slope is right to a few per cent
 
 
-class AbstractFrame(AbstractEffect):
-    """Deflection of the frame under the force: the pad is pressed less deep than the platen moves.
+class FrameCompliance(AbstractEffect):
+    """Frame that deflects in proportion to the force: depth = displacement - compliance F.
 
     The force is solved at all points at once by quasi-Newton steps with the instantaneous elastic
     stiffness at the platen's displacement: four steps give 1e-5 of the peak for a frame ten times
     as stiff as the pad. The frame's own speed is neglected against the platen's.
     """
 
+    compliance: Constant = constant("compliance", "one over the frame's stiffness, zero or more")
+    name: ClassVar[str] = "frame_compliance"
     level: ClassVar[Level] = Level.FRAME
     costly: ClassVar[bool] = True
+    law: ClassVar[str] = "delta -> delta - compliance F"
+    seen: ClassVar[str] = "softer in proportion to force"
+    reference: ClassVar[str] = "Oliver & Pharr 1992, doi:10.1557/JMR.1992.1564"
 
-    @abstractmethod
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        # its sd is 2.5 % of the pad's own compliance: a frame as soft as a pad lies at 40 sd
+        return cls(scales.positive(2.0 * scales.force**2 / scales.depth))
+
     def deflection(self, force: Array) -> tuple[Array, Array]:
         """Return the frame's deflection (mm) at a force (N), and its slope (mm/N)."""
+        return self.compliance * force, self.compliance
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the solution of F = below(displacement - deflection)."""
         slope = self._slope(below, motion.displacement)
         force = below.force(motion) / (1.0 + slope)  # as if nothing yielded yet
         for _ in range(_STEPS - 1):  # no scan: the law beneath is compiled by itself
@@ -49,7 +58,6 @@ class AbstractFrame(AbstractEffect):
         return force
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return a state of the law beneath for each Newton step, as each has its own motion."""
         zero, slope = xp.zeros_like(displacement), self._slope(below, displacement)
         force, states = zero, []
         for _ in range(_STEPS):
@@ -60,7 +68,6 @@ class AbstractFrame(AbstractEffect):
         return tuple(states)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the states and the solution of F = below(displacement - deflection)."""
         force, moved = xp.zeros_like(line.displacement), []
         slope = self._slope(below, line.displacement)
         for one in state:
@@ -76,45 +83,17 @@ class AbstractFrame(AbstractEffect):
         return compliance * below.elastic.stiffness(displacement)
 
 
-class FrameCompliance(AbstractFrame):
-    """Frame that deflects in proportion to the force: depth = displacement - compliance F.
-
-    * ``compliance``: one over the frame's stiffness (mm/N), zero or more.
-    """
-
-    compliance: Constant
-    name: ClassVar[str] = "frame_compliance"
-    units: ClassVar[dict[str, str]] = {"compliance": "compliance"}
-    null: ClassVar[dict[str, float]] = {"compliance": 0.0}
-    law: ClassVar[str] = "delta -> delta - compliance F"
-    seen: ClassVar[str] = "softer in proportion to force"
-    reference: ClassVar[str] = "Oliver & Pharr 1992, doi:10.1557/JMR.1992.1564"
-
-    @classmethod
-    def default(cls, scales: Scales) -> Self:
-        """Return the effect with a compliance scaled by peak force and secant stiffness."""
-        # its sd is 2.5 % of the pad's own compliance: a frame as soft as a pad lies at 40 sd
-        return cls(scales.positive(2.0 * scales.force**2 / scales.depth))
-
-    def deflection(self, force: Array) -> tuple[Array, Array]:
-        """Return compliance F, and the compliance."""
-        return self.compliance * force, self.compliance
-
-
-class StiffeningFrame(AbstractFrame):
+class StiffeningFrame(FrameCompliance):
     """Deflection of a stiffening frame: depth = displacement - compliance F/(1 + abs(F)/stiff).
 
     F is the force itself; it is solved as for a frame that does not stiffen.
-
-    * ``compliance``: compliance of the unloaded frame (mm/N), zero or more.
-    * ``stiff``: force (N) at which the deflection is half that of a frame that does not stiffen.
     """
 
-    compliance: Constant
-    stiff: Constant
+    compliance: Constant = constant("compliance", "compliance of the unloaded frame, zero or more")
+    stiff: Constant = constant(
+        "force", "force at which the deflection is half that of a frame that does not stiffen"
+    )
     name: ClassVar[str] = "stiffening_frame"
-    units: ClassVar[dict[str, str]] = {"compliance": "compliance", "stiff": "force"}
-    null: ClassVar[dict[str, float]] = {"compliance": 0.0}
     generalises: ClassVar[str] = FrameCompliance.name
     reduces: ClassVar[dict[str, float]] = {"stiff": math.inf}
     law: ClassVar[str] = "delta -> delta - compliance F/(1 + |F|/stiff)"
@@ -123,11 +102,9 @@ class StiffeningFrame(AbstractFrame):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect scaled like a frame half as soft at the peak force."""
         return cls(scales.positive(scales.force**2 / scales.depth), lognormal(scales.force, 3.0))
 
     def deflection(self, force: Array) -> tuple[Array, Array]:
-        """Return compliance F/(1 + abs(F)/stiff), and its slope."""
         softness = 1.0 / (1.0 + xp.abs(force) / self.stiff)
         return self.compliance * softness * force, self.compliance * softness**2
 
@@ -149,25 +126,18 @@ class FrameRinging(AbstractEffect):
     strength dv (1 + damping^2) e^{-g t} sin(2 pi f t). The oscillator is advanced from point to
     point exactly, for a velocity that is linear in between and jumps where the motion's does. The
     mass is strength / (2 pi f); beyond all frequencies this is inertia.
-
-    * ``strength``: force that rings for each unit by which the speed changes (N s/mm), zero or
-      more.
-    * ``frequency``: frequency of the ringing (Hz).
-    * ``damping``: its decay in the time of a radian, 0.1 a loss of 47 % in a period.
     """
 
-    strength: Constant
-    frequency: Constant
-    damping: Constant
+    strength: Constant = constant(
+        "drag", "force that rings for each unit by which the speed changes, zero or more"
+    )
+    frequency: Constant = constant("rate", "frequency of the ringing")
+    damping: Constant = constant(
+        "fraction", "its decay in the time of a radian, 0.1 a loss of 47 % in a period"
+    )
     name: ClassVar[str] = "frame_ringing"
     level: ClassVar[Level] = Level.SENSOR
     rank: ClassVar[int] = -1  # within what the load cell's own errors act on
-    units: ClassVar[dict[str, str]] = {
-        "strength": "drag",
-        "frequency": "rate",
-        "damping": "fraction",
-    }
-    null: ClassVar[dict[str, float]] = {"strength": 0.0}
     off_pad: ClassVar[bool] = True
     needs: ClassVar[str] = "velocity"
     shapes: ClassVar[int] = 24
@@ -180,24 +150,26 @@ class FrameRinging(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a strength scaled by the top speed."""
         shown = 1.0 / (READINGS_A_PERIOD * scales.shortest) if scales.shortest > 0.0 else _FASTEST
         highest = min(max(shown, 2.0 * SLOWEST_HZ), _FASTEST)
-        speed = scales.speed if scales.speed > 0.0 else 1.0
-        return cls(scales.positive(speed), LogUniform(SLOWEST_HZ, highest), LogUniform(*_DAMPING))
+        return cls(
+            scales.positive(scales.top_speed),
+            LogUniform(SLOWEST_HZ, highest),
+            LogUniform(*_DAMPING),
+        )
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force with that of the swinging mass added."""
         turn = 2.0 * math.pi * self.frequency
         swing = _impulses(motion, turn * (1j - self.damping))
         return below.force(motion) + self.strength * (1.0 + self.damping**2) * xp.imag(swing)
 
     @classmethod
     def unmeasured(cls, protocol: Protocol) -> str | None:
-        """Return why the records do not show it: speeds, or readings in a period, are missing."""
         if READINGS_A_PERIOD * SLOWEST_HZ * protocol.interval > 1.0:
-            fewest = f"fewer than {READINGS_A_PERIOD:.0f} readings"
-            return f"{fewest} fall in a period of {SLOWEST_HZ:.0f} Hz"
+            return (
+                f"fewer than {READINGS_A_PERIOD:.0f} readings fall in a period of "
+                f"{SLOWEST_HZ:.0f} Hz"
+            )
         return super().unmeasured(protocol)
 
 
@@ -225,16 +197,15 @@ class Backlash(AbstractEffect):
     """Play of the drive when it turns: the depth is p = min(max(p_before, d), d + play).
 
     On the way in the platen is where the encoder says. This is the play operator.
-
-    * ``play``: distance that the drive moves back before the platen follows (mm), zero or more.
     """
 
-    play: Constant
+    play: Constant = constant(
+        "displacement",
+        "distance that the drive moves back before the platen follows, zero or more",
+    )
     name: ClassVar[str] = "backlash"
     level: ClassVar[Level] = Level.DEPTH
     rank: ClassVar[int] = 2
-    units: ClassVar[dict[str, str]] = {"play": "displacement"}
-    null: ClassVar[dict[str, float]] = {"play": 0.0}
     inverts: ClassVar[bool] = False
     not_inverted: ClassVar[str] = "while the platen waits the drive may be anywhere in the play"
     law: ClassVar[str] = "delta -> p, p' = 0 until delta leaves [p - play, p]"
@@ -243,39 +214,23 @@ class Backlash(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a play scaled by the stiffness at the largest force."""
         return cls(scales.positive(scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force of the law beneath at the platen's own depth."""
-        depth, _ = xp.accumulate(confined, self._range(motion.displacement))
+        depth = dragged(motion.displacement, 0.0, self.play)
         waits = self._waits(depth, motion.displacement)
-        still = xp.zeros_like(depth)
-        followed = replace(
-            motion,
-            displacement=depth,
-            velocity=xp.where(waits, still, motion.velocity),
-            acceleration=xp.where(waits, still, motion.acceleration),
-            sagitta=None if motion.sagitta is None else xp.where(waits, still, motion.sagitta),
-        )
-        return below.force(followed)
+        return below.force(motion.followed(depth, lambda rate: xp.where(waits, 0.0, rate)))
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and the platen's depth."""
         return below.begin(displacement), displacement
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force after a line on which the platen waits, then follows."""
         inner, depth = state
         depth = xp.clip(depth, line.displacement, line.displacement + self.play)
         waits = self._waits(depth, line.displacement)
         speed = xp.where(waits, 0.0, line.velocity)
         inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
         return (inner, depth), force
-
-    def _range(self, displacement: Array) -> tuple[Array, Array]:
-        """Return the least and the largest depth (N,) of the platen at each point."""
-        return displacement, xp.concatenate([displacement[:1], displacement[1:] + self.play])
 
     def _waits(self, depth: Array, displacement: Array) -> Array:
         """Return whether the platen is inside the play, in contact with neither of its ends."""
@@ -284,5 +239,4 @@ class Backlash(AbstractEffect):
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """Return why no test can show it: it needs a test that moves back."""
         return None if protocol.unloads else "no test unloads"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import replace
 from typing import ClassVar, Self
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.history import confined, fading
+from qlvbayes.effects.history import dragged, fading, travelled
 from qlvbayes.laws.elastic.polynomial import Linear
 from qlvbayes.laws.hereditary import Relaxing, at_first, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
@@ -19,6 +18,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import LogUniform, Uniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
 
 _REACHES = (0.002, 0.2)
@@ -29,40 +29,46 @@ as well: a cosine of 0.90 at 0.1 of the depth, of 0.77 at 0.01.
 """
 
 
-class AbstractFriction(AbstractEffect):
-    """Dry friction of Dahl: dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
+class Friction(AbstractEffect):
+    """Dry friction: F = F_below + strength z, dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
 
     Over the distance travelled z is one relaxing mode.
     """
 
-    strength: Constant  # first, as the order here is that of the fields
-    reach: Constant
+    strength: Constant = constant("force", "force of steady sliding, zero or more")
+    reach: Constant = constant("displacement", "distance over which it reverses")
+    name: ClassVar[str] = "friction"
     level: ClassVar[Level] = Level.ADDING
     rank: ClassVar[int] = 4
+    law: ClassVar[str] = "dz/dt = (v/reach)(1 - z sgn v), F += strength z"
+    seen: ClassVar[str] = "a constant force against the motion, at any speed, that stays in holds"
+    reference: ClassVar[str] = "Dahl 1968, A solid friction model, Aerospace Corporation"
 
-    @abstractmethod
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        reach = LogUniform(*(share * scales.depth for share in _REACHES))
+        return cls(scales.positive(1.0), reach)
+
     def rubbed(self, force: Array, slid: Array) -> Array:
         """Return a force (N) with the friction added where Dahl's z is ``slid``."""
+        return force + self.strength * slid
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force with the friction added."""
         return self.rubbed(below.force(motion), self.slid(motion.alone.displacement))
 
     def slid(self, displacement: Array) -> Array:
         """Return z at the points of a motion (N,)."""
-        travelled = xp.cumsum(xp.abs(xp.steps(displacement)))
-        return hereditary_force(*self._sliding, travelled, displacement - displacement[0])
+        way = travelled(displacement)
+        return hereditary_force(*self._sliding, way, displacement - displacement[0])
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and that of friction before any sliding."""
         return below.begin(displacement), Relaxing(displacement, np.zeros(1))
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force with the friction added."""
         inner, own = state
         inner, force = below.step(inner, line)
-        travelled = xp.abs(line.displacement - own.depth)
-        own, slid = hereditary_step(*self._sliding, own, travelled, line.displacement)
+        way = xp.abs(line.displacement - own.depth)
+        own, slid = hereditary_step(*self._sliding, own, way, line.displacement)
         return (inner, own), self.rubbed(force, slid)
 
     @property
@@ -71,38 +77,7 @@ class AbstractFriction(AbstractEffect):
         return fading(1.0 / self.reach, 1.0 / self.reach)
 
 
-class Friction(AbstractFriction):
-    """Dry friction: F = F_below + strength z, dz/dt = (v/reach)(1 - z sgn v), z(0) = 0.
-
-    * ``strength``: force of steady sliding (N), zero or more.
-    * ``reach``: distance over which it reverses (mm).
-    """
-
-    strength: Constant
-    reach: Constant
-    name: ClassVar[str] = "friction"
-    units: ClassVar[dict[str, str]] = {"strength": "force", "reach": "displacement"}
-    null: ClassVar[dict[str, float]] = {"strength": 0.0}
-    law: ClassVar[str] = "dz/dt = (v/reach)(1 - z sgn v), F += strength z"
-    seen: ClassVar[str] = "a constant force against the motion, at any speed, that stays in holds"
-    reference: ClassVar[str] = "Dahl 1968, A solid friction model, Aerospace Corporation"
-
-    @classmethod
-    def default(cls, scales: Scales) -> Self:
-        """Return the effect with a strength scaled by the peak force."""
-        return cls(scales.positive(1.0), reversing(scales))
-
-    def rubbed(self, force: Array, slid: Array) -> Array:
-        """Return F_below + strength z."""
-        return force + self.strength * slid
-
-
-def reversing(scales: Scales) -> LogUniform:
-    """Return the prior of the distance (mm) over which friction reverses."""
-    return LogUniform(*(share * scales.depth for share in _REACHES))
-
-
-class SharpFriction(AbstractFriction):
+class SharpFriction(Friction):
     """Friction that yields sharply in part: F = F_below + strength ((1 - sharp) z + sharp s).
 
     z is Dahl's, as in friction. s is a spring in series with a slider (Prandtl, Jenkins): ds =
@@ -110,22 +85,12 @@ class SharpFriction(AbstractFriction):
     p)/reach and p = min(max(p_before, d - reach), d + reach), which is exact along straight lines.
     Many sliders side by side, a share of which yields at one distance and the rest at distances
     spread exponentially, make this law (Iwan).
-
-    * ``strength``: force of steady sliding (N), zero or more.
-    * ``reach``: distance over which the spring yields, and over which Dahl's z follows (mm).
-    * ``sharp``: share that yields at once, from 0 (Dahl) to 1 (elastic, then sliding).
     """
 
-    strength: Constant
-    reach: Constant
-    sharp: Constant
+    sharp: Constant = constant(
+        "fraction", "share that yields at once, from 0 (Dahl) to 1 (elastic, then sliding)"
+    )
     name: ClassVar[str] = "sharp_friction"
-    units: ClassVar[dict[str, str]] = {
-        "strength": "force",
-        "reach": "displacement",
-        "sharp": "fraction",
-    }
-    null: ClassVar[dict[str, float]] = {"strength": 0.0}
     generalises: ClassVar[str] = Friction.name
     reduces: ClassVar[dict[str, float]] = {"sharp": 0.0}
     law: ClassVar[str] = "F += strength ((1 - sharp) z + sharp s), ds = d delta/reach, |s| <= 1"
@@ -134,34 +99,25 @@ class SharpFriction(AbstractFriction):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with the strength and the reach of friction; the share is uniform."""
-        return cls(scales.positive(1.0), reversing(scales), Uniform(0.0, 1.0))
+        plain = Friction.default(scales)
+        return cls(plain.strength, plain.reach, Uniform(0.0, 1.0))
 
     def slid(self, displacement: Array) -> Array:
         """Return (1 - sharp) z + sharp s at the points of a motion."""
-        first = displacement[:1]
-        low = xp.concatenate([first, displacement[1:] - self.reach])
-        high = xp.concatenate([first, displacement[1:] + self.reach])
-        slider, _ = xp.accumulate(confined, (low, high))
+        slider = dragged(displacement, self.reach, self.reach)
         return self._shared(super().slid(displacement), displacement, slider)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of friction, and the place of the slider."""
         return super().begin(below, displacement), displacement
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force with the friction added."""
         (inner, own), slider = state
         inner, force = below.step(inner, line)
-        travelled = xp.abs(line.displacement - own.depth)
-        own, slid = hereditary_step(*self._sliding, own, travelled, line.displacement)
+        way = xp.abs(line.displacement - own.depth)
+        own, slid = hereditary_step(*self._sliding, own, way, line.displacement)
         slider = xp.clip(slider, line.displacement - self.reach, line.displacement + self.reach)
         slid = self._shared(slid, line.displacement, slider)
         return ((inner, own), slider), self.rubbed(force, slid)
-
-    def rubbed(self, force: Array, slid: Array) -> Array:
-        """Return F_below + strength times what has slid."""
-        return force + self.strength * slid
 
     def _shared(self, dahl: Array, displacement: Array, slider: Array) -> Array:
         sprung = (displacement - slider) / self.reach
@@ -180,9 +136,6 @@ class GuideFriction(SharpFriction):
     * ``sharp``: share that yields at once, from 0 (Dahl) to 1 (elastic, then sliding).
     """
 
-    strength: Constant
-    reach: Constant
-    sharp: Constant
     name: ClassVar[str] = "guide_friction"
     level: ClassVar[Level] = Level.GUIDE
     rank: ClassVar[int] = 0
@@ -192,30 +145,21 @@ class GuideFriction(SharpFriction):
     reference: ClassVar[str] = "Armstrong-Helouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7"
 
 
-class PressureFriction(AbstractFriction):
+class PressureFriction(Friction):
     """Friction that grows with the force: F = F_below + strength w z, z as in friction.
 
     w = 1 - share + share max(F_below, 0)/pressed. At share 1 this is Coulomb's friction with the
     coefficient strength/pressed.
-
-    * ``strength``: force of steady sliding (N) where the pad's force is ``pressed``, zero or more.
-    * ``reach``: distance over which it reverses (mm).
-    * ``share``: share of the friction that is proportional to the force, from 0 to 1.
-    * ``pressed``: reference force (N), which is fixed.
     """
 
-    strength: Constant
-    reach: Constant
-    share: Constant
-    pressed: Constant
+    strength: Constant = constant(
+        "force", "force of steady sliding where the pad's force is ``pressed``, zero or more"
+    )
+    share: Constant = constant(
+        "fraction", "share of the friction that is proportional to the force, from 0 to 1"
+    )
+    pressed: Constant = constant("force", "reference force, which is fixed")
     name: ClassVar[str] = "pressure_friction"
-    units: ClassVar[dict[str, str]] = {
-        "strength": "force",
-        "reach": "displacement",
-        "share": "fraction",
-        "pressed": "force",
-    }
-    null: ClassVar[dict[str, float]] = {"strength": 0.0}
     generalises: ClassVar[str] = Friction.name
     reduces: ClassVar[dict[str, float]] = {"share": 0.0}
     law: ClassVar[str] = "F += strength (1 - share + share F/pressed) z"
@@ -224,16 +168,10 @@ class PressureFriction(AbstractFriction):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a strength scaled by the peak force, which is its reference."""
-        return cls(
-            scales.positive(1.0),
-            reversing(scales),
-            Uniform(0.0, 1.0),
-            scales.force,
-        )
+        plain = Friction.default(scales)
+        return cls(plain.strength, plain.reach, Uniform(0.0, 1.0), scales.force)
 
     def rubbed(self, force: Array, slid: Array) -> Array:
-        """Return F_below + strength w z."""
         grown = 1.0 + self.share * (xp.maximum(force, 0.0) / self.pressed - 1.0)
         return force + self.strength * grown * slid
 
@@ -245,16 +183,14 @@ class InterfaceSlip(AbstractEffect):
     1/yielding, whose elastic force is the most that the interface transmits. At a turn it sticks
     again, and it is back at rest before the platen is. Over the distance travelled e is one
     relaxing mode. A loose specimen, which is pressed across its faces, does not slide.
-
-    * ``yielding``: share of the motion that is lost for each unit of depth (1/mm), zero or more.
     """
 
-    yielding: Constant
+    yielding: Constant = constant(
+        "exponent", "share of the motion that is lost for each unit of depth, zero or more"
+    )
     name: ClassVar[str] = "interface_slip"
     level: ClassVar[Level] = Level.DEPTH
     rank: ClassVar[int] = -1  # the drive's play and the gap lie outside of the specimen's faces
-    units: ClassVar[dict[str, str]] = {"yielding": "exponent"}
-    null: ClassVar[dict[str, float]] = {"yielding": 0.0}
     law: ClassVar[str] = "delta -> e, de = (1 - yielding e sgn v) d delta"
     seen: ClassVar[str] = (
         "softer the farther it goes, stiff at each turn, and back at rest too early"
@@ -263,42 +199,30 @@ class InterfaceSlip(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a yielding scaled by half of the squared depth."""
         # with one return it is permanent_set to 0.99, whatever the prior: both lose depth on the
         # way; a second loading tells, as the set is there already and the slip begins anew
         return cls(scales.positive(0.5 * scales.depth**2 * scales.stiffness))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force of the law beneath at the specimen's own depth."""
-        displacement = motion.displacement
-        travelled = xp.cumsum(xp.abs(xp.steps(displacement)))
-        depth = hereditary_force(*self._sliding(), travelled, displacement)
+        way = travelled(motion.displacement)
+        depth = hereditary_force(*self._sliding, way, motion.displacement)
         share = self._followed(depth, motion.velocity)
-        followed = replace(
-            motion,
-            displacement=depth,
-            velocity=share * motion.velocity,
-            acceleration=share * motion.acceleration,
-            sagitta=None if motion.sagitta is None else share * motion.sagitta,
-        )
-        return below.force(followed)
+        return below.force(motion.followed(depth, lambda rate: share * rate))
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and the slide's before any travel."""
-        slide = at_first(*self._sliding(), displacement)
-        return below.begin(displacement), slide
+        return below.begin(displacement), at_first(*self._sliding, displacement)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force after a line along which the specimen slides."""
         inner, slide = state
-        travelled = xp.abs(line.displacement - slide.depth)
-        slide, depth = hereditary_step(*self._sliding(), slide, travelled, line.displacement)
+        way = xp.abs(line.displacement - slide.depth)
+        slide, depth = hereditary_step(*self._sliding, slide, way, line.displacement)
         speed = self._followed(depth, line.velocity) * line.velocity
         inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
         return (inner, slide), force
 
+    @property
     def _sliding(self) -> tuple[Linear, Prony]:
-        """Return the laws whose hereditary integral over the distance travelled is the depth."""
+        """The laws whose hereditary integral over the distance travelled is the depth."""
         return fading(1.0, self.yielding)
 
     def _followed(self, depth: Array, velocity: Array) -> Array:
@@ -307,10 +231,8 @@ class InterfaceSlip(AbstractEffect):
 
     @classmethod
     def unmeasured(cls, protocol: Protocol) -> str | None:
-        """Return why it is not looked for: a specimen that is pressed does not slide."""
         return None if protocol.bonded else "the specimen is pressed, not held by its faces"
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """Return why no test can show it: until a turn it is another elastic law."""
         return cls.unmeasured(protocol) or (None if protocol.unloads else "no test unloads")

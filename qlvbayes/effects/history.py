@@ -1,4 +1,4 @@
-"""Compute what effects need of a test's past and of a study's clock."""
+"""Compute what effects need of a test's past, and the times that a study resolves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,14 @@ def largest(depth: Array, ago: Array | None = None) -> Array:
     return xp.take(depth, xp.cummax(xp.where(fixed >= xp.cummax(fixed), index, 0)))
 
 
-def confined(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
+def dragged(displacement: Array, back: ArrayLike, ahead: ArrayLike) -> Array:
+    """Return the place p (N,) of what d drags along: p in d - back to d + ahead, from p = d on."""
+    low = xp.concatenate([displacement[:1], displacement[1:] - back])
+    high = xp.concatenate([displacement[:1], displacement[1:] + ahead])
+    return xp.accumulate(_confined, (low, high))[0]
+
+
+def _confined(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
     """Return the range that two ranges, applied one after the other, confine a place to."""
     low, high = second
     return xp.clip(first[0], low, high), xp.clip(first[1], low, high)
@@ -31,6 +38,11 @@ def confined(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[A
 def fading(gain: ArrayLike, rate: ArrayLike) -> tuple[Linear, Prony]:
     """Return laws whose hereditary integral of x is y, with dy = gain dx - rate y dt, y(0) = 0."""
     return Linear(gain), Prony(np.array([0.0, 1.0]), xp.asarray(rate)[None])
+
+
+def travelled(displacement: Array) -> Array:
+    """Return the distance travelled (N,) since the first point."""
+    return xp.cumsum(xp.abs(xp.steps(displacement)))
 
 
 def material_time(time: Array, depth: Array, exponent: ArrayLike) -> Array:
@@ -44,45 +56,24 @@ def material_duration(duration: Array, start: Array, stop: Array, exponent: Arra
     return duration * xp.exp(exponent * start) * exp_slope(exponent * (stop - start))
 
 
-LARGEST = 2.0
-"""Largest value of `curve`, within 50 %, for ``quadratic`` and ``cubic`` at their priors' sd."""
-
-
 def duration(scales: Scales) -> float:
     """Return the time (s) from the first test's beginning to the last one's end, above 0."""
-    return max(scales.clock, _longest(scales))
+    return max(scales.clock, _phase_and_sample(scales)[0])
 
 
 def resolved_times(scales: Scales) -> tuple[float, float]:
     """Return the times (s) of five samples and of twice the longest phase."""
-    high = 2.0 * _longest(scales)
-    return min(5.0 * _shortest(scales), 0.5 * high), high
-
-
-def after_ramps(scales: Scales) -> tuple[float, float]:
-    """Return times (s) of the fastest ramp, or of five samples, and of twice the longest phase."""
-    low, high = resolved_times(scales)
-    ramp = scales.depth / scales.speed if scales.speed > 0.0 else low
-    return min(max(low, ramp), 0.5 * high), high
+    longest, shortest = _phase_and_sample(scales)
+    return min(5.0 * shortest, longest), 2.0 * longest
 
 
 def resolved_rates(scales: Scales) -> tuple[float, float]:
     """Return the rates (1/s) that halve over the longest phase, and of a fifth of a sample's."""
-    low = 0.5 / _longest(scales)
-    return low, max(0.2 / _shortest(scales), 2.0 * low)
+    longest, shortest = _phase_and_sample(scales)
+    return 0.5 / longest, max(0.2 / shortest, 1.0 / longest)
 
 
-def _longest(scales: Scales) -> float:
-    """Return the longest phase (s), or a guess where none is known."""
-    return scales.longest if scales.longest > 0.0 else 1.0
-
-
-def _shortest(scales: Scales) -> float:
-    """Return the sampling interval (s), or a guess where none is known."""
-    return scales.shortest if scales.shortest > 0.0 else 1e-3 * _longest(scales)
-
-
-def curve(clock: Array, quadratic: ArrayLike, cubic: ArrayLike, duration: ArrayLike) -> Array:
-    """Return P1 + quadratic P2 + cubic P3, of Legendre, over a clock from 0 to ``duration`` (s)."""
-    x = xp.clip(2.0 * clock / duration - 1.0, -1.0, 1.0)
-    return x + 0.5 * quadratic * (3.0 * x**2 - 1.0) + 0.5 * cubic * (5.0 * x**2 - 3.0) * x
+def _phase_and_sample(scales: Scales) -> tuple[float, float]:
+    """Return the longest phase and the sampling interval (s), or guesses where none is known."""
+    longest = scales.longest if scales.longest > 0.0 else 1.0
+    return longest, scales.shortest if scales.shortest > 0.0 else 1e-3 * longest

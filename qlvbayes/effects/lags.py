@@ -19,7 +19,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Uniform
 from qlvbayes.priors.distributions import Constant
-from qlvbayes.pytree import Pytree
+from qlvbayes.pytree import Pytree, constant
 from qlvbayes.xp import Array
 
 _ALONG = ("time", "displacement", "velocity", "acceleration", "ago", "sagitta")
@@ -49,15 +49,13 @@ class ChannelLag(AbstractEffect):
 
     The force beneath is taken at the delayed times themselves, which join the grid; there the
     motion lies on the straight line between its points.
-
-    * ``delay``: delay of the force's channel behind the displacement's (s), zero or more.
     """
 
-    delay: Constant
+    delay: Constant = constant(
+        "time", "delay of the force's channel behind the displacement's, zero or more"
+    )
     name: ClassVar[str] = "channel_lag"
     level: ClassVar[Level] = Level.CHANNEL
-    units: ClassVar[dict[str, str]] = {"delay": "time"}
-    null: ClassVar[dict[str, float]] = {"delay": 0.0}
     costly: ClassVar[bool] = True
     inverts: ClassVar[bool] = False
     not_inverted: ClassVar[str] = "what is read is the force of an earlier moment"
@@ -67,26 +65,21 @@ class ChannelLag(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a delay scaled by the top speed and the secant stiffness."""
         # positive: a force that comes early is a squeeze film's, with a cosine of 0.99 for a pad
         # that stiffens, and no channel of the force foresees the displacement
-        speed = scales.speed if scales.speed > 0.0 else 1.0
-        return cls(scales.positive(scales.force / scales.depth * speed))
+        return cls(scales.positive(scales.force / scales.depth * scales.top_speed))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force beneath at the delayed times."""
         joined, order = joined_with(motion, motion.time - self.delay)
         return xp.take(below.force(joined), xp.argsort(order)[: motion.time.shape[0]])
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state at the start, whose force is read until the delay is over."""
         still = xp.zeros_like(displacement)
         state, force = below.step(below.begin(displacement), Line(still, displacement, still))
         none = jnp.zeros(LINES + 1)
         return _Late(state, displacement, force, jnp.zeros((), int), none, none, none)
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force after the law beneath has gone on to the delayed time."""
         late: _Late = state
         lost = late.count > LINES
         added = [
@@ -181,38 +174,29 @@ def _at(motion: Motion, time: Array) -> Motion:
 _INSTANT = 1e-30  # s, time of a filter that changes nothing and yet has a finite slope
 
 
-class SpreadingLag(AbstractEffect):
+class SpreadingLag(ChannelLag):
     """Delayed, filtered force: spread delay F' = y - F, y(t) = F_below(t - (1 - spread) delay).
 
     F = y at first. Before the start the force is that of the start; between the points at which the
     force beneath is taken it lies on straight lines.
-
-    * ``delay``: mean delay of the force's channel (s), zero or more.
-    * ``spread``: share of it that is a first-order filter's, from 0 (a pure delay) to 1.
     """
 
-    delay: Constant
-    spread: Constant
+    spread: Constant = constant(
+        "fraction", "share of it that is a first-order filter's, from 0 (a pure delay) to 1"
+    )
     name: ClassVar[str] = "spreading_lag"
-    level: ClassVar[Level] = ChannelLag.level
-    rank: ClassVar[int] = ChannelLag.rank
-    units: ClassVar[dict[str, str]] = {"delay": "time", "spread": "fraction"}
-    null: ClassVar[dict[str, float]] = {"delay": 0.0}
-    costly: ClassVar[bool] = True
     not_stepped: ClassVar[str] = "its filter runs over points that the whole record lays down"
     generalises: ClassVar[str] = ChannelLag.name
     reduces: ClassVar[dict[str, float]] = {"spread": 0.0}
     law: ClassVar[str] = "F(t) -> F(t - (1 - spread) delay), filtered over spread delay"
     seen: ClassVar[str] = "force late against displacement, and its kinks rounded"
-    reference: ClassVar[str] = "Oppenheim & Schafer 2010, Discrete-Time Signal Processing, ch. 5"
+    begin, step = AbstractEffect.begin, AbstractEffect.step
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with the delay of channel_lag and a uniform spread."""
         return cls(ChannelLag.default(scales).delay, Uniform(0.0, 1.0))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force beneath at the delayed times, filtered along them."""
         delayed = motion.time - (1.0 - self.spread) * self.delay
         # two more points for each resolve the curvature of the force in between
         before = delayed - self.spread * self.delay

@@ -16,6 +16,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
 
 
@@ -23,35 +24,29 @@ class StressSoftening(AbstractEffect):
     """Softening of the pad below its largest depth: F = F_below (1 - s (1 - d/dmax)).
 
     dmax is the largest depth so far in the test.
-
-    * ``s``: relative loss of force when the pad is nearly unloaded, zero or more.
     """
 
-    s: Constant
+    s: Constant = constant(
+        "fraction", "relative loss of force when the pad is nearly unloaded, zero or more"
+    )
     name: ClassVar[str] = "stress_softening"
     level: ClassVar[Level] = Level.SCALING
-    units: ClassVar[dict[str, str]] = {"s": "fraction"}
-    null: ClassVar[dict[str, float]] = {"s": 0.0}
     law: ClassVar[str] = "F -> F (1 - s (1 - delta/delta_max))"
     seen: ClassVar[str] = "too little force after moving back, right on the way in"
     reference: ClassVar[str] = "Ogden & Roxburgh 1999, doi:10.1098/rspa.1999.0431"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with s scaled by a tenth of the peak force, which keeps s below 1."""
         return cls(scales.positive(0.1 * scales.force))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force, softened below the largest depth."""
         deepest = largest(motion.displacement, motion.ago)
         return below.force(motion) * self._remaining(motion.displacement, deepest)
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and the largest depth."""
         return below.begin(displacement), displacement
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force, softened below the largest depth."""
         inner, deepest = state
         inner, force = below.step(inner, line)
         deepest = xp.maximum(deepest, line.displacement)
@@ -65,7 +60,6 @@ class StressSoftening(AbstractEffect):
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """Return why no test can show it: it needs a test that moves back."""
         return None if protocol.unloads else "no test unloads"
 
 
@@ -73,26 +67,22 @@ class PermanentSet(AbstractEffect):
     """Permanent set of the pad's surface: depth = max(d - share dmax, 0).
 
     dmax is the largest d so far in the test, also while loading.
-
-    * ``share``: share of the largest depth that does not come back, zero or more.
     """
 
-    share: Constant
+    share: Constant = constant(
+        "fraction", "share of the largest depth that does not come back, zero or more"
+    )
     name: ClassVar[str] = "permanent_set"
     level: ClassVar[Level] = Level.DEPTH
-    units: ClassVar[dict[str, str]] = {"share": "fraction"}
-    null: ClassVar[dict[str, float]] = {"share": 0.0}
     law: ClassVar[str] = "delta -> max(delta - share delta_max, 0)"
     seen: ClassVar[str] = "contact is lost early when the platen retracts"
     reference: ClassVar[str] = "Dorfmann & Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a share scaled by the stiffness at the largest force."""
         return cls(scales.positive(scales.stiffness * scales.depth))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force at the lowered depth."""
         deepest = xp.maximum(largest(motion.displacement, motion.ago), 0.0)
         kept = self._speed_ratio(motion, deepest)
         slowed = replace(
@@ -101,12 +91,10 @@ class PermanentSet(AbstractEffect):
         return below.force(at_depth(slowed, motion.displacement - self.share * deepest))
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, and the largest depth."""
         deepest = xp.maximum(displacement, 0.0)
         return below.begin(xp.maximum(displacement - self.share * deepest, 0.0)), deepest
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force at the lowered depth."""
         inner, deepest = state
         deepest = xp.maximum(deepest, line.displacement)
         slowed = replace(line, velocity=line.velocity * self._speed_ratio(line, deepest))
@@ -121,7 +109,6 @@ class PermanentSet(AbstractEffect):
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """Return why no test can show it: it needs a test that moves back."""
         return None if protocol.unloads else "no test unloads"
 
 
@@ -137,18 +124,15 @@ class Conditioning(AbstractEffect):
     """Weakening with each test: F = F_below (1 - share (1 - e^{-n/tests})), n tests before.
 
     Within a test nothing is lost, however long it takes.
-
-    * ``share``: share of the force that is lost in the end, zero or more.
-    * ``tests``: number of tests after which 63 % of that is lost, above 0.
     """
 
-    share: Constant
-    tests: Constant
+    share: Constant = constant(
+        "fraction", "share of the force that is lost in the end, zero or more"
+    )
+    tests: Constant = constant("count", "number of tests after which 63 % of that is lost, above 0")
     name: ClassVar[str] = "conditioning"
     level: ClassVar[Level] = Level.SCALING
     rank: ClassVar[int] = 4
-    units: ClassVar[dict[str, str]] = {"share": "fraction", "tests": "count"}
-    null: ClassVar[dict[str, float]] = {"share": 0.0}
     not_stepped: ClassVar[str] = "it changes from test to test, and steps are of one test"
     law: ClassVar[str] = "F -> F (1 - share (1 - e^(-n/tests))), n tests before"
     seen: ClassVar[str] = "the first test strongest, each later one weaker, then all alike"
@@ -156,17 +140,14 @@ class Conditioning(AbstractEffect):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a share scaled by the peak force."""
         return cls(scales.positive(scales.force), LogUniform(*_TESTS))
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force, weakened by the tests before."""
         lost = -self.share * xp.expm1(-motion.tests_before / self.tests)
         return below.force(motion) * (1.0 - lost)
 
     @classmethod
     def blind(cls, protocol: Protocol) -> str | None:
-        """Return why no test can show it: it needs more than one test."""
         return None if protocol.tests > 1 else "there is only one test"
 
 
@@ -175,27 +156,23 @@ class Thixotropy(AbstractEffect):
 
     y = 0 at first. In :math:`\xi = t/time + s/way`, with s the distance travelled, y is one
     relaxing mode driven by s/way.
-
-    * ``share``: share of the force that is lost where all structure is broken down, zero or more.
-    * ``time``: time constant of its recovery at rest (s).
-    * ``way``: distance over which motion breaks it down (mm).
     """
 
-    share: Constant
-    time: Constant
-    way: Constant
+    share: Constant = constant(
+        "fraction",
+        "share of the force that is lost where all structure is broken down, zero or more",
+    )
+    time: Constant = constant("time", "time constant of its recovery at rest")
+    way: Constant = constant("displacement", "distance over which motion breaks it down")
     name: ClassVar[str] = "thixotropy"
     level: ClassVar[Level] = Level.SCALING
     rank: ClassVar[int] = 3
-    units: ClassVar[dict[str, str]] = {"share": "fraction", "time": "time", "way": "displacement"}
-    null: ClassVar[dict[str, float]] = {"share": 0.0}
     law: ClassVar[str] = "F -> F (1 - share y), dy/dt = |v| (1 - y)/way - y/time"
     seen: ClassVar[str] = "weaker after motion, and a force that rises again in holds"
     reference: ClassVar[str] = "Moore 1959; Barnes 1997, doi:10.1016/S0377-0257(97)00004-9"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the effect with a share scaled by the peak force."""
         low, high = resolved_times(scales)
         return cls(
             scales.positive(0.7 * scales.force),
@@ -204,7 +181,6 @@ class Thixotropy(AbstractEffect):
         )
 
     def force(self, below: Law, motion: Motion) -> Array:
-        """Return the force, weakened by the broken-down structure."""
         travel = xp.abs(xp.steps(motion.displacement))
         moved = xp.cumsum(travel) / self.way
         xi_step = (motion.time - motion.time[0]) / self.time + moved
@@ -213,12 +189,10 @@ class Thixotropy(AbstractEffect):
         )
 
     def begin(self, below: Law, displacement: Array) -> State:
-        """Return the state of the law beneath, the depth, and intact structure."""
         nothing = Relaxing(xp.zeros_like(displacement), np.zeros(1))
         return below.begin(displacement), displacement, nothing
 
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
-        """Return the state and the force, weakened by the broken-down structure."""
         inner, depth, own = state
         inner, force = below.step(inner, line)
         moved = xp.abs(line.displacement - depth) / self.way

@@ -23,7 +23,7 @@ from qlvbayes.priors.distributions import AbstractPrior
 from qlvbayes.xp import Array
 
 _EXACT = 1e-9  # allowed error over the largest force or stiffness
-_STEP = 2e-3  # length of a step over the depth, as on the model's grid
+_LENGTH = 2e-3  # of a step over the depth, as on the model's grid
 _STEP_ERROR = 1e-5  # error over the integral, for laws whose step has no closed form;
 # at first contact, where a power is not smooth, over the largest force: a tenth of the error that
 _TOUCH_ERROR = 1e-5  # the straight lines of the model's grid may add
@@ -39,6 +39,7 @@ class LawError(AssertionError):
 
 
 Law = TypeVar("Law", bound=AbstractElastic | AbstractRelaxation)
+Words = tuple[str, ...]
 
 _DRAWS = 16  # draws from the priors; every rule is checked at each
 # the scales of the paper's tests, used where no others are given
@@ -103,24 +104,31 @@ def _drawn(law: Law, rng: np.random.Generator) -> Law:
 
 
 def _check_declarations(kind: type[AbstractElastic] | type[AbstractRelaxation]) -> None:
-    if inspect.isabstract(kind):
-        missing = ", ".join(sorted(kind.__abstractmethods__))
-        raise LawError(f"{kind.__name__} lacks {missing}")
     own = {f.name for f in fields(kind) if not f.metadata.get("static", False)}
-    for word in ("units", "meanings"):
+    check_words(kind, own, ("units", "meanings"), ("law", "reference"), LawError)
+
+
+def check_words(
+    kind: Any, own: set[str], by_constant: Words, lines: Words, error: type[AssertionError]
+) -> None:
+    """Check that a class says what it has to of each of its ``own`` constants, and in one line."""
+    if inspect.isabstract(kind):
+        raise error(f"{kind.__name__} lacks {', '.join(sorted(kind.__abstractmethods__))}")
+    for word in by_constant:
         if set(getattr(kind, word)) != own:
-            listed = ", ".join(sorted(own))
-            raise LawError(f"{kind.name}: {word} must name exactly its constants {listed}")
+            raise error(
+                f"{kind.name}: {word} must name exactly its constants {', '.join(sorted(own))}"
+            )
     for constant, unit in kind.units.items():
         if not PAD.knows(unit):
-            raise LawError(
+            raise error(
                 f"{kind.name}: {unit!r} is no kind of unit (units[{constant!r}]); the kinds are "
                 f"{', '.join(PAD.kinds)}"
             )
-    for word in ("name", "law", "reference"):
+    for word in ("name", *lines):
         text = getattr(kind, word)
         if not text.strip() or "\n" in text:
-            raise LawError(f"{kind.__name__}: {word} must be one line of text")
+            raise error(f"{kind.__name__}: {word} must be one line of text")
 
 
 def _check_force(law: AbstractElastic, depths: Array) -> None:
@@ -145,14 +153,15 @@ def _slope_of_force(law: AbstractElastic, depths: Array) -> Array:
 def _check_steps(law: AbstractElastic, depths: Array) -> None:
     depth = float(depths[-1])
     starts = [0.0, 0.15 * depth, 0.6 * depth]
-    pairs = [(x, y) for x in starts for y in (x + _STEP * depth, max(x - _STEP * depth, 0.0))]
+    pairs = [(x, y) for x in starts for y in (x + _LENGTH * depth, max(x - _LENGTH * depth, 0.0))]
     start, stop, decay = np.array([(*pair, decay) for pair in pairs for decay in _DECAYS]).T
     given = [jnp.asarray(x) for x in (start, stop, decay)]
-    plain, compiled = np.asarray(_run(law, *given)), np.asarray(_compiled_step(law, *given))
-    exact = np.asarray(_integrals(law, *given))
+    plain, compiled, exact = (
+        np.asarray(run(law, *given)) for run in (_step, _compiled_step, _integrals)
+    )
     most = abs(float(law.force(jnp.asarray(depth))))
     least = np.where(start == 0.0, _TOUCH_ERROR * most, 0.0)
-    allowed = np.maximum(_STEP_ERROR * np.maximum(np.abs(exact), _STEP * most), least)
+    allowed = np.maximum(_STEP_ERROR * np.maximum(np.abs(exact), _LENGTH * most), least)
     for k in np.flatnonzero(~np.isclose(plain, compiled, rtol=1e-10, atol=1e-14)):
         raise LawError(
             f"{law}: compiled and plain steps differ: {compiled[k]:.12g}, {plain[k]:.12g}"
@@ -164,11 +173,11 @@ def _check_steps(law: AbstractElastic, depths: Array) -> None:
         )
 
 
-def _run(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array:
+def _step(law: AbstractElastic, start: Array, stop: Array, decay: Array) -> Array:
     return law.relaxed_step(start, stop, law.force(start), law.force(stop), decay)
 
 
-_compiled_step = eqx.filter_jit(_run)  # once for all draws of a law
+_compiled_step = eqx.filter_jit(_step)  # once for all draws of a law
 
 
 @eqx.filter_jit
@@ -183,12 +192,6 @@ def _integrals(law: AbstractElastic, start: Array, stop: Array, decay: Array) ->
         return jnp.sum(half * _WEIGHTS * jnp.exp(-decay * (1.0 - s)) * stiffness) * (stop - start)
 
     return jax.vmap(one)(start, stop, decay)
-
-
-def _check_slopes_of_steps(law: AbstractElastic, depths: Array) -> None:
-    slopes = jax.tree.leaves(_slopes_of_steps(law, depths))
-    if not all(np.all(np.isfinite(slope)) for slope in slopes):
-        raise LawError(f"{law}: a slope along one of its constants is not finite")
 
 
 @eqx.filter_jit
@@ -234,22 +237,21 @@ def _check_curve(law: AbstractRelaxation, time: Array) -> None:
 _compiled_curve = eqx.filter_jit(lambda law, time: law.curve(time))  # once for all draws of a law
 
 
-def _check_slopes_of_curve(law: AbstractRelaxation, time: Array) -> None:
-    slopes = jax.tree.leaves(_slopes_of_curve(law, time))
-    if not all(np.all(np.isfinite(slope)) for slope in slopes):
-        raise LawError(f"{law}: a slope of g along one of its constants is not finite")
-
-
 _slopes_of_curve = eqx.filter_jit(lambda law, time: jax.jacfwd(lambda law: law.curve(time))(law))
+
+
+def _check_slopes(slopes: Callable[[Any, Array], Any], law: Any, points: Array) -> None:
+    if not all(np.all(np.isfinite(slope)) for slope in jax.tree.leaves(slopes(law, points))):
+        raise LawError(f"{law}: a slope along one of its constants is not finite")
 
 
 _OF_ELASTIC: dict[str, Callable[[Any, Array], None]] = {
     "force and stiffness": _check_force,
     "steps": _check_steps,
-    "slopes": _check_slopes_of_steps,
+    "slopes": partial(_check_slopes, _slopes_of_steps),
 }
 _OF_RELAXATION: dict[str, Callable[[Any, Array], None]] = {
     "spectrum": _check_spectrum,
     "curve": _check_curve,
-    "slopes": _check_slopes_of_curve,
+    "slopes": partial(_check_slopes, _slopes_of_curve),
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Protocol
 
 from qlvbayes import xp
@@ -105,13 +104,8 @@ def touching(motion: Motion) -> Motion:
 def at_depth(motion: Motion, displacement: Array) -> Motion:
     """Return ``motion`` with the depth max(displacement, 0), at rest where that is 0."""
     contact = displacement > 0.0
-    return replace(
-        motion,
-        displacement=xp.where(contact, displacement, 0.0),
-        velocity=xp.where(contact, motion.velocity, 0.0),
-        acceleration=xp.where(contact, motion.acceleration, 0.0),
-        sagitta=None if motion.sagitta is None else xp.where(contact, motion.sagitta, 0.0),
-    )
+    depth = xp.where(contact, displacement, 0.0)
+    return motion.followed(depth, lambda rate: xp.where(contact, rate, 0.0))
 
 
 def line_at_depth(line: Line, displacement: Array) -> Line:

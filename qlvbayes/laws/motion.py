@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 from jaxtyping import ArrayLike
 
 from qlvbayes import xp
@@ -52,28 +55,15 @@ class Motion(Pytree):
     displacement: Array
     velocity: Array
     acceleration: Array
-    start: Array
-    ago: Array | None
-    sagitta: Array | None
-    number: Array
+    start: Array = 0.0
+    ago: Array | None = None
+    sagitta: Array | None = None
+    number: Array = None
 
-    def __init__(
-        self,
-        time: Array,
-        displacement: Array,
-        velocity: Array,
-        acceleration: Array,
-        start: ArrayLike = 0.0,
-        ago: Array | None = None,
-        sagitta: Array | None = None,
-        number: ArrayLike | None = None,
-    ) -> None:
-        self.time, self.displacement = time, displacement
-        self.velocity, self.acceleration = velocity, acceleration
-        self.start = xp.asarray(start)
-        self.ago, self.sagitta = ago, sagitta
+    def __post_init__(self) -> None:
+        self.start = xp.asarray(self.start)
         first = xp.zeros_like(self.start)
-        self.number = first if number is None else xp.asarray(number)
+        self.number = first if self.number is None else xp.asarray(self.number)
 
     @property
     def clock(self) -> Array:
@@ -84,6 +74,19 @@ class Motion(Pytree):
     def tests_before(self) -> Array:
         """Return how many tests the pad has had before the one that a point lies in, (N,) or ()."""
         return self.number if self.ago is None else self.number - self.ago
+
+    def followed(self, displacement: Array, rate: Callable[[Array], Array]) -> Motion:
+        """Return the motion of what follows this one, at a displacement (N,) of its own.
+
+        ``rate`` gives its velocity, acceleration and sagitta, each from that of this motion.
+        """
+        return replace(
+            self,
+            displacement=displacement,
+            velocity=rate(self.velocity),
+            acceleration=rate(self.acceleration),
+            sagitta=None if self.sagitta is None else rate(self.sagitta),
+        )
 
     @property
     def alone(self) -> Motion:
@@ -96,12 +99,6 @@ class Motion(Pytree):
         def held(values: Array) -> Array:
             return xp.where(own, values, xp.take(values, begin))
 
-        return Motion(
-            held(self.time),
-            held(self.displacement),
-            held(self.velocity),
-            held(self.acceleration),
-            self.start,
-            sagitta=None if self.sagitta is None else xp.where(own, self.sagitta, 0.0),
-            number=self.number,
-        )
+        sagitta = None if self.sagitta is None else xp.where(own, self.sagitta, 0.0)
+        still = self.followed(held(self.displacement), held)
+        return replace(still, time=held(self.time), ago=None, sagitta=sagitta)

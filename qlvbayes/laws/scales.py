@@ -42,6 +42,11 @@ class Scales:
         """Return the standard deviation (N) of one reading's noise."""
         return math.hypot(self.white, self.ou)
 
+    @property
+    def top_speed(self) -> float:
+        """Return the largest speed (mm/s), or a guess where none is known."""
+        return self.speed if self.speed > 0.0 else 1.0
+
     def positive(self, response: float) -> HalfNormal:
         """Return the prior of an amplitude from zero, one unit of which adds ``response`` (N)."""
         return HalfNormal(SHARE * self.force / response)
