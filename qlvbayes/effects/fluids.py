@@ -123,10 +123,9 @@ def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> 
         return _drained(q, point, tau, n, stroke)
 
     points = (step, *_balance(step, xp.diff(depth), tau, n, stroke))
-    if xp.on_numpy(*points, tau, n, stroke):
-        bounds = (_NONE, _NEAR, *_POWERS)
-        if (compiled := drained(points, (tau, n, stroke), bounds)) is not None:
-            return compiled
+    compiled = drained(points, (tau, n, stroke), (_NONE, _NEAR, *_POWERS))
+    if compiled is not None:
+        return compiled
     q = xp.recur(advance, np.zeros(()), points)
     return xp.concatenate([np.zeros(1), q])
 

@@ -50,7 +50,7 @@ RELAXATION = {
     "prony": "laws.relaxation.prony.Prony",
     "fung": "laws.relaxation.continuous.Fung",
     "power-law": "laws.relaxation.continuous.PowerLaw",
-    "stretched": "laws.relaxation.stretched.StretchedExponential",
+    "stretched": "laws.relaxation.continuous.StretchedExponential",
     "log-normal": "laws.relaxation.continuous.LogNormalSpectrum",
 }
 """Relaxations, ordered likewise."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from qlvbayes import xp
 from qlvbayes.io.arrays import Array
-from qlvbayes.laws.elastic.steps import Rise
+from qlvbayes.laws.elastic.law import Rise
 
 
 def add_modes(
@@ -61,12 +61,13 @@ def add_modes(
 def drained(
     points: Sequence[Array], constants: Sequence[Array], bounds: Sequence[float]
 ) -> Array | None:
-    """Return the states (N + 1, ...) from 0 of a fluid that drains, or None without the library.
+    """Return the states (N + 1, ...) from 0 of a fluid that drains, or None where not compiled.
 
     points: duration, jump, source, balance and settling of each of N steps (N, ...); constants:
     tau, n and stroke (...); bounds: of the step, see `effects.fluids`, which says the equation.
     """
-    if (library := _library()) is None:
+    library = _library()
+    if library is None or not xp.on_numpy(points, constants):
         return None
     shapes = (*(np.shape(x)[1:] for x in points), *map(np.shape, constants))
     rest = np.broadcast_shapes(*shapes)
@@ -82,18 +83,32 @@ def drained(
     return pressed
 
 
-def in_pieces(depth: Array, width: float, parabolas: Sequence[Array]) -> Array | None:
-    """Return a curve in pieces (..., K) at depths (..., 1 or K), or None without the library.
+def in_pieces(depth: Array, width: float, parabolas: Sequence[Array]) -> Array:
+    """Return a curve of pieces of equal width, a parabola c0 + b (c1 + c2 b) each, at depths.
 
-    parabolas: three coefficients (P, K) of each of P pieces, see ``recursion.c``.
+    b is the distance from where a piece begins; the first lies before zero, and the last has no
+    end. parabolas: the coefficients (P,), or (P, K) of K curves, of each of P pieces. depth (...),
+    or (..., 1 or K) for K curves.
     """
-    library, sets = _library(), parabolas[0].shape[-1]
-    if library is None or np.ndim(depth) == 0 or depth.shape[-1] not in (1, sets):
-        return None
+    count, *sets = np.shape(parabolas[0])
+    library = _library()
+    alike = sets and np.shape(depth)[-1:] in ((1,), (*sets,))
+    if library is not None and alike and xp.on_numpy(depth, *parabolas):
+        return _in_pieces_by_library(library, depth, width, parabolas)
+    knot = xp.clip(xp.floor(depth / width), -1, count - 2)
+    piece, beyond = knot.astype(int) + 1, depth - xp.maximum(knot, 0.0) * width
+    constant, slope, bend = (xp.take(x, piece) for x in parabolas)
+    return constant + beyond * (slope + bend * beyond)
+
+
+def _in_pieces_by_library(
+    library: ctypes.CDLL, depth: Array, width: float, parabolas: Sequence[Array]
+) -> Array:
+    count, sets = parabolas[0].shape
     depth = np.ascontiguousarray(depth, dtype=float)
     value = np.empty((*depth.shape[:-1], sets))
     library.in_pieces(
-        *(ctypes.c_size_t(n) for n in (value.size // sets, sets, len(parabolas[0]))),
+        *(ctypes.c_size_t(n) for n in (value.size // sets, sets, count)),
         ctypes.c_int(depth.shape[-1] == sets),
         ctypes.c_double(width),
         *(ctypes.c_void_p(x.ctypes.data) for x in (depth, *map(np.ascontiguousarray, parabolas))),

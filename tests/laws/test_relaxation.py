@@ -9,10 +9,14 @@ from scipy.special import exp1
 from qlvbayes.inference.forward.fixedrates import FixedRates
 from qlvbayes.laws.catalogue import LAWS
 from qlvbayes.laws.conformance import LawError, check_law
-from qlvbayes.laws.relaxation.continuous import Fung, LogNormalSpectrum, PowerLaw
+from qlvbayes.laws.relaxation.continuous import (
+    Fung,
+    LogNormalSpectrum,
+    PowerLaw,
+    StretchedExponential,
+)
 from qlvbayes.laws.relaxation.law import MOST_TERMS
 from qlvbayes.laws.relaxation.prony import Prony
-from qlvbayes.laws.relaxation.stretched import StretchedExponential
 from qlvbayes.laws.scales import Scales
 
 ERROR = 1e-6  # of g(0)

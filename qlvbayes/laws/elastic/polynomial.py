@@ -1,39 +1,26 @@
-"""Elastic forces that are polynomials of depth, of one, two and three terms.
-
-References
-----------
-Tschoegl 1989, doi:10.1007/978-3-642-73602-5 (one term); Rivlin & Saunders 1951,
-doi:10.1098/rsta.1951.0004 (more)
-"""
+"""Elastic forces that are polynomials of depth, of one, two and three terms, or one power."""
 
 from __future__ import annotations
 
 from typing import ClassVar, Self
 
 from qlvbayes import xp
-from qlvbayes.laws.elastic.law import AbstractElastic
-from qlvbayes.laws.elastic.steps import Rise
+from qlvbayes.laws.elastic.law import AbstractElastic, Rise
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Normal
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
 
-_MEANINGS = {
-    "m": "stiffness at first contact, before anything relaxes",
-    "k2": "force by the square of depth",
-    "k3": "force by the cube of depth",
-}
-_UNITS = {"m": "stiffness", "k2": "quadratic_stiffness", "k3": "cubic_stiffness"}
 
-
-class AbstractPolynomial(AbstractElastic):
+class Polynomial(AbstractElastic):
     """Elastic force F_e = m delta + k2 delta^2 + k3 delta^3, with one to three of the terms.
 
     Each step's integral is exact: along a step the stiffness is a polynomial of the share of the
-    step that is done.
+    step that is done. The coefficients are in N/mm, N/mm2 and N/mm3.
     """
 
-    m: Constant
+    m: Constant = constant("stiffness", "stiffness at first contact, before anything relaxes")
     reference: ClassVar[str] = "Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004"
 
     @property
@@ -43,18 +30,15 @@ class AbstractPolynomial(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: m near the secant stiffness, the others around zero."""
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         others = [Normal(0.0, scales.force / scales.depth**k) for k in range(2, len(cls.units) + 1)]
         return cls(stiffness, *others)
 
     def force(self, depth: Array) -> Array:
-        """Return F_e = m depth + k2 depth^2 + k3 depth^3."""
         second, third = self.terms
         return depth * (self.m + depth * (second + third * depth))
 
     def stiffness(self, depth: Array) -> Array:
-        """Return K = m + 2 k2 depth + 3 k3 depth^2."""
         second, third = self.terms
         return self.m * xp.ones_like(depth) + depth * (2.0 * second + 3.0 * third * depth)
 
@@ -66,68 +50,28 @@ class AbstractPolynomial(AbstractElastic):
         return Rise(powers[: len(self.units)])
 
 
-class Linear(AbstractPolynomial):
-    """Elastic force proportional to depth, F_e = m delta: a linear viscoelastic solid.
+class Linear(Polynomial):
+    """Elastic force proportional to depth, F_e = m delta: a linear viscoelastic solid."""
 
-    Parameters
-    ----------
-    m
-        Stiffness (N/mm).
-
-    References
-    ----------
-    Tschoegl 1989, doi:10.1007/978-3-642-73602-5
-    """
-
+    m: Constant = constant("stiffness", "stiffness before anything relaxes, at any depth")
     name: ClassVar[str] = "linear"
-    units: ClassVar[dict[str, str]] = {"m": "stiffness"}
-    meanings: ClassVar[dict[str, str]] = {"m": "stiffness before anything relaxes, at any depth"}
     law: ClassVar[str] = "K(δ) = m"
     reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
 
 
-class Quadratic(AbstractPolynomial):
-    """Elastic force as a polynomial of two terms: F_e = m delta + k2 delta^2.
+class Quadratic(Polynomial):
+    """Elastic force as a polynomial of two terms: F_e = m delta + k2 delta^2."""
 
-    Parameters
-    ----------
-    m
-        Stiffness at first contact (N/mm).
-    k2
-        Coefficient of the square of depth (N/mm2); the pad stiffens where it is positive.
-
-    References
-    ----------
-    Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
-    """
-
-    k2: Constant
+    k2: Constant = constant("quadratic_stiffness", "force by the square of depth")
     name: ClassVar[str] = "polynomial:2"
-    units: ClassVar[dict[str, str]] = {name: _UNITS[name] for name in ("m", "k2")}
-    meanings: ClassVar[dict[str, str]] = {name: _MEANINGS[name] for name in ("m", "k2")}
     law: ClassVar[str] = "F(δ) = m δ + k2 δ²"
 
 
-class Cubic(AbstractPolynomial):
-    """Elastic force as a cubic polynomial: F_e = m delta + k2 delta^2 + k3 delta^3.
+class Cubic(Quadratic):
+    """Elastic force as a cubic polynomial: F_e = m delta + k2 delta^2 + k3 delta^3."""
 
-    Parameters
-    ----------
-    m
-        Stiffness at first contact (N/mm).
-    k2, k3
-        Coefficients of the square (N/mm2) and of the cube (N/mm3) of depth, of either sign.
-
-    References
-    ----------
-    Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004
-    """
-
-    k2: Constant
-    k3: Constant
+    k3: Constant = constant("cubic_stiffness", "force by the cube of depth")
     name: ClassVar[str] = "polynomial:3"
-    units: ClassVar[dict[str, str]] = _UNITS
-    meanings: ClassVar[dict[str, str]] = _MEANINGS
     law: ClassVar[str] = "F(δ) = m δ + k2 δ² + k3 δ³"
 
 
@@ -137,43 +81,24 @@ class HertzPower(AbstractElastic):
     A sphere on a flat has n = 3/2 (Hertz). The force is odd in the depth. The hereditary step has
     no closed form: the exponential of each relaxation mode is integrated exactly against a force
     that is quadratic over the step, with an error that falls at least as the square of the step.
-
-    Parameters
-    ----------
-    m
-        Force at a depth of 1 mm (N/mm^n).
-    n
-        Exponent, above 1.
-
-    References
-    ----------
-    Hertz 1882, doi:10.1515/crll.1882.92.156
     """
 
-    m: Constant
-    n: Constant
+    m: Constant = constant("power_stiffness", "force at a depth of 1, before anything relaxes")
+    n: Constant = constant("fraction", "the force grows with this power of depth")
     name: ClassVar[str] = "hertz"
-    units: ClassVar[dict[str, str]] = {"m": "power_stiffness", "n": "fraction"}
-    meanings: ClassVar[dict[str, str]] = {
-        "m": "force at a depth of 1, before anything relaxes",
-        "n": "the force grows with this power of depth",
-    }
     law: ClassVar[str] = "F(δ) = m δ^n, a power law"
     reference: ClassVar[str] = "Hertz 1882, doi:10.1515/crll.1882.92.156"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law under weak priors: n near 3/2, m near what gives the peak force then."""
         return cls(lognormal(scales.force / scales.depth**1.5, 5.0), lognormal(1.5, 1.3))
 
     def force(self, depth: Array) -> Array:
-        """Return F_e = m depth^n, odd in depth."""
         size = xp.abs(depth)
         inside = xp.where(size > 0.0, size, 1.0)
         return xp.where(size > 0.0, self.m * xp.sign(depth) * inside**self.n, 0.0)
 
     def stiffness(self, depth: Array) -> Array:
-        """Return K = m n depth^(n-1)."""
         size = xp.abs(depth)
         inside = xp.where(size > 0.0, size, 1.0)
         return xp.where(size > 0.0, self.m * self.n * inside ** (self.n - 1.0), 0.0)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Self
 
-import numpy as np
-
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.recursion import in_pieces
@@ -25,17 +23,6 @@ class Spline(AbstractElastic):
 
     The curve has the form of no law: where it is far more probable than every law, the elasticity
     is none of the list.
-
-    Parameters
-    ----------
-    k0, k1, k2, k3, k4, k5, k6
-        Stiffness (N/mm) at the knots.
-    depth
-        Depth of the deepest test (mm), which is fixed.
-
-    References
-    ----------
-    de Boor 1978, A Practical Guide to Splines
     """
 
     k0: Constant
@@ -57,22 +44,19 @@ class Spline(AbstractElastic):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return the law with each knot's stiffness within a factor of 5 of the secant one."""
         stiffness = lognormal(scales.force / scales.depth, 5.0)
         knots: dict[str, Any] = dict.fromkeys(cls.units, stiffness)
         return cls(**knots, depth=scales.depth)
 
     def force(self, depth: Array) -> Array:
-        """Return F_e, which is continuous and has a continuous slope."""
         first, rise = self._first, self._rise
         added = self._width * (first + 0.5 * self._width * rise)[1:-1]
         at_knots = xp.concatenate([xp.zeros_like(first[:2]), xp.cumsum(added)])
-        return self._at(depth, at_knots, first, 0.5 * rise)
+        return in_pieces(depth, self._width, (at_knots, first, 0.5 * rise))
 
     def stiffness(self, depth: Array) -> Array:
-        """Return K; it is constant beyond the last knot and below zero depth."""
         rise = self._rise
-        return self._at(depth, self._first, rise, xp.zeros_like(rise))
+        return in_pieces(depth, self._width, (self._first, rise, xp.zeros_like(rise)))
 
     @property
     def _width(self) -> float:
@@ -93,14 +77,3 @@ class Spline(AbstractElastic):
         """Return the (9,) stiffness (N/mm) at the ends of pieces, constant in the outer two."""
         knots = [self.k0, self.k1, self.k2, self.k3, self.k4, self.k5, self.k6]
         return xp.stack([self.k0, *knots, self.k6])
-
-    def _at(self, depth: Array, *parabolas: Array) -> Array:
-        """Return c0 + b (c1 + c2 b) at a depth, b (mm) from where its piece begins; c (8,) each."""
-        if xp.on_numpy(depth, *parabolas) and np.ndim(parabolas[0]) == 2:
-            known = in_pieces(depth, self._width, parabolas)
-            if known is not None:
-                return known
-        knot = xp.clip(xp.floor(depth / self._width), -1, _PIECES)
-        piece, beyond = knot.astype(int) + 1, depth - xp.maximum(knot, 0.0) * self._width
-        constant, slope, bend = (xp.take(x, piece) for x in parabolas)
-        return constant + beyond * (slope + bend * beyond)

@@ -8,39 +8,22 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation, middle_of
 from qlvbayes.laws.scales import Scales
 from qlvbayes.priors import Dirichlet, LogNormal, Ordered
 from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
 
 
 class Prony(AbstractRelaxation):
-    """Prony series of relaxation, g(t) = c_0 + sum_{i=1}^r c_i e^{-v_i t}, the paper's Eq. 7.
+    """Prony series of relaxation, g(t) = c_0 + sum_{i=1}^r c_i e^{-v_i t}, the paper's Eq. 7."""
 
-    Parameters
-    ----------
-    c
-        (r + 1,) fractions that sum to 1; c[0] never relaxes.
-    v
-        (r,) rates (1/s), the largest first.
-
-    References
-    ----------
-    Tschoegl 1989, doi:10.1007/978-3-642-73602-5
-    """
-
-    c: Constant
-    v: Constant
+    c: Constant = constant("fraction", "share that relaxes with a mode, c[0] of what never does")
+    v: Constant = constant("rate", "rate of a mode")
     name: ClassVar[str] = "prony"
-    units: ClassVar[dict[str, str]] = {"c": "fraction", "v": "rate"}
-    meanings: ClassVar[dict[str, str]] = {
-        "c": "share that relaxes with a mode, c[0] of what never does",
-        "v": "rate of a mode",
-    }
     law: ClassVar[str] = "g(t) = c[0] + Σ c[i] exp(−v[i] t), Σ c = 1"
     reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
     first_index: ClassVar[dict[str, int]] = {"v": 1}
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Return a series of two modes under its default priors."""
         return cls.with_modes(scales, 2)
 
     @classmethod
@@ -56,11 +39,9 @@ class Prony(AbstractRelaxation):
         return cls(Dirichlet([1.0] * (modes + 1)), rates)
 
     def spectrum(self) -> tuple[Array, Array]:
-        """Return the constants themselves."""
         return self.c, self.v
 
     def times(self) -> dict[str, Array]:
-        """Return one over each rate (s)."""
         return {f"1/v[{k}]": 1.0 / rate for k, rate in enumerate(self.v, 1)}
 
 
@@ -77,13 +58,10 @@ class Spectrum(AbstractRelaxation):
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        """Raise NotImplementedError: a given spectrum has no default."""
         raise NotImplementedError
 
     def spectrum(self) -> tuple[Array, Array]:
-        """Return the spectrum as it was given."""
         return self.fractions, self.rates
 
     def times(self) -> dict[str, Array]:
-        """Return no times: a spectrum has no constants of its own."""
         return {}
