@@ -50,7 +50,7 @@ from qlvbayes.model.parameters import all_fields, described, unit_kinds
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import covered
 from qlvbayes.motion.record import Record
-from qlvbayes.motion.specimen import carryover_notices, clock_notices
+from qlvbayes.motion.specimen import carryover_notices
 
 Sampler = Callable[
     [Posterior, NormalApproximation, Settings, ChainStore | None, Progress | None], Chain
@@ -267,8 +267,6 @@ def _notices(fit: Fit) -> Iterator[str]:
             f"this (standard error in {fit.experiment.units.displacement}: {listed})"
         )
     yield from carryover_notices(fit.experiment, fit.trials, fit.posterior.record, predicted)
-    if not fit.choices.rested:
-        yield from clock_notices(fit.experiment)
     model = fit.posterior.parameters.model_at(constants)
     times = unresolved_times(model.relaxation, fit.experiment.scales)
     for text in (*fit.experiment.floor.notices, *times):

@@ -51,6 +51,7 @@ _NEAR_ZERO = 0.02  # of the range: a force that says there is no contact, as a t
 _CATCHES_UP = 3.5  # times the median change: the jump of a channel that was stuck
 _NAMED = 3  # times of a group that are named
 _DRAWN = 50  # readings of a run that a user leaves out, which may be any number
+Reasons = NDArray[np.object_]
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
@@ -65,21 +66,13 @@ class UnusedReadings:
     force: Array
     # (k,) why: kind and channel, as "lost displacement", or "excluded" and what says so
     reason: NDArray[np.str_]
-    # displacement and force of the readings before and after each that are not left out (2, 2, k),
-    # NaN where there is none
-    around: Array
 
     @classmethod
-    def of(cls, test: Test, reason: NDArray[np.object_]) -> UnusedReadings | None:
+    def of(cls, test: Test, reasons: Reasons) -> UnusedReadings | None:
         """Return the readings of a test for which there is a reason (n,); None without any."""
-        mask = reason != ""
-        if not mask.any():
-            return None
-        kept = np.stack([test.displacement[~mask], test.force[~mask]])
-        sides = np.cumsum(~mask)[mask] + np.array([[0], [1]])
-        around = np.pad(kept, ((0, 0), (1, 1)), constant_values=np.nan)[:, sides]
-        why = reason[mask].astype(np.str_)
-        return cls(mask, test.time[mask], test.displacement[mask], test.force[mask], why, around)
+        mask = reasons != ""
+        of_test = (x[mask] for x in (test.time, test.displacement, test.force))
+        return cls(mask, *of_test, reasons[mask].astype(np.str_)) if mask.any() else None
 
     @property
     def count(self) -> int:
@@ -92,60 +85,61 @@ class UnusedReadings:
         return np.char.startswith(self.reason, "excluded")
 
     @property
-    def bad(self) -> int:
-        """Number of readings that are bad, and not excluded by the user."""
-        return int(np.count_nonzero(~self.excluded))
-
-    @property
     def drawn(self) -> Rows:
         """Indices of those that figures show: bad ones, and a few of each run of excluded ones."""
-        index, excluded = np.flatnonzero(self.mask), self.excluded
-        ends = np.flatnonzero((np.diff(index) > 1) | (self.reason[1:] != self.reason[:-1])) + 1
-        runs = np.split(np.arange(self.count), ends)
-        return np.concatenate([x[:: -(-x.size // _DRAWN) if excluded[x[0]] else 1] for x in runs])
+        excluded, rows = self.excluded, np.arange(self.count)
+        runs = [run for reason in dict.fromkeys(self.reason) for run in self.runs(reason)]
+        few = [x[:: -(-x.size // _DRAWN) if excluded[x[0]] else 1] for x in runs]
+        return rows[np.isin(rows, np.concatenate(few))]
+
+    def runs(self, reason: str) -> list[Rows]:
+        """Return the indices of those of one reason, of each run between readings that count."""
+        rows = np.flatnonzero(self.reason == reason)
+        counted_before = np.flatnonzero(self.mask)[rows] - rows
+        return np.split(rows, np.flatnonzero(np.diff(counted_before)) + 1)
 
 
 def left_out_notice(
-    pad: str, tests: Sequence[tuple[str, UnusedReadings | None]], units: UnitSystem
+    pad: str, tests: Sequence[tuple[Test, UnusedReadings | None]], units: UnitSystem
 ) -> tuple[str, ...]:
-    """Return one sentence on the bad readings of a pad; none if there are none."""
-    known = [(name, bad) for name, bad in tests if bad is not None and bad.bad]
+    """Return one sentence on the bad readings beside the tests without them; none without any."""
+    known = [(test, bad) for test, bad in tests if bad is not None and not bad.excluded.all()]
     if not known:
         return ()
-    parts = [f"test {name}: {', '.join(_groups(bad, units))}" for name, bad in known]
-    count = sum(bad.bad for _, bad in known)
-    are = "is" if count == 1 else "are"
+    parts = [f"test {test.name}: {', '.join(_groups(test, bad, units))}" for test, bad in known]
+    count = sum(np.count_nonzero(~bad.excluded) for _, bad in known)
     return (
-        f"pad {pad}: {'; '.join(parts)}; {_readings(count)} {are} left out, as "
-        "the neighbours on both sides contradict what the other channel does not show "
+        f"pad {pad}: {'; '.join(parts)}; {_readings(count)} {'is' if count == 1 else 'are'} left "
+        "out, as the neighbours on both sides contradict what the other channel does not show "
         f"({KEEP} keeps all)",
     )
 
 
-def _groups(bad: UnusedReadings, units: UnitSystem) -> Iterator[str]:
-    """Yield number, times and first value of the readings of each channel and kind."""
+def _groups(test: Test, bad: UnusedReadings, units: UnitSystem) -> Iterator[str]:
+    """Yield number, times and first value of the bad readings of each channel and kind."""
     channels = {
-        "displacement": (units.displacement_name, units.displacement, bad.displacement),
-        "force": (units.force_name, units.force, bad.force),
+        "displacement": (units.displacement_name, units.displacement),
+        "force": (units.force_name, units.force),
     }
     reasons = {tuple(reason.split(" ")[::-1]) for reason in bad.reason[~bad.excluded].tolist()}
-    index = np.flatnonzero(bad.mask)
     for channel, kind in sorted(reasons):
-        rows = np.flatnonzero(bad.reason == f"{kind} {channel}")
-        starts = rows[np.diff(index[rows], prepend=-2) > 1]
-        own = [one for name, one in channels.items() if channel in (name, "both")]
-        what = " and ".join(f"{values[rows[0]]:.3g} {unit}" for _, unit, values in own)
+        runs = bad.runs(f"{kind} {channel}")
+        first, count = runs[0][0], sum(run.size for run in runs)
+        own = [name for name in channels if channel in (name, "both")]
+        of_first = [f"{getattr(bad, name)[first]:.3g} {channels[name][1]}" for name in own]
+        what = " and ".join(of_first)
         if kind in ("clock", "stuck", "clipped"):
             what = f"{kind} at {what}" if own else "the clock slips"
         elif len(own) == 1:
-            level = bad.around[list(channels).index(channel), :, rows[0]]
-            sides = dict.fromkeys(f"{x:.3g}" for x in level[np.isfinite(level)])
-            what += f" amid {' and '.join(sides)} {own[0][1]}"
-        name = " and ".join(name for name, _, _ in own) or "time"
-        times = [f"{t:.6g}" for t in bad.time[starts[:_NAMED]]]
-        more = [f"{starts.size - _NAMED} other times (s)"] if starts.size > _NAMED else []
-        when = joined([*times, *more]) + ("" if more else " s")
-        yield f"{_readings(rows.size)} of {name} at {when} ({what})"
+            after = int(np.searchsorted(test.time, bad.time[first]))
+            sides = getattr(test, channel)[max(after - 1, 0) : after + 1]
+            level = dict.fromkeys(f"{x:.3g}" for x in sides)
+            what += f" amid {' and '.join(level)} {channels[channel][1]}"
+        name = " and ".join(channels[name][0] for name in own) or "time"
+        times = [f"{bad.time[run[0]]:.6g}" for run in runs[:_NAMED]]
+        more = len(runs) - _NAMED
+        when = joined([*times, f"{more} other times (s)"]) if more > 0 else f"{joined(times)} s"
+        yield f"{_readings(count)} of {name} at {when} ({what})"
 
 
 def _readings(count: int) -> str:
@@ -155,8 +149,8 @@ def _readings(count: int) -> str:
 
 def sound_tests(
     tests: Sequence[Test], *, keep_all: bool = False, limited: bool = True
-) -> list[tuple[Test, UnusedReadings | None]]:
-    """Return each test without its bad readings, and the bad readings (None if there are none).
+) -> list[tuple[Test, Reasons]]:
+    """Return each test without its bad readings, and why each of all is bad, "" where it is not.
 
     Raises InputError where they are too many, and ``limited``, or where none is to be left out and
     a reading has no time.
@@ -164,36 +158,31 @@ def sound_tests(
     clocks = [slipped(test.time) for test in tests]
     if keep_all:
         for test, slips in zip(tests, clocks, strict=True):
-            if slips is None or slips.size:
-                raise _clock_slips(test, slips)
-        return [(test, None) for test in tests]
+            if slips is not None and not slips.size:
+                continue
+            at = np.argmax(np.diff(test.time) <= 0.0) + 1 if slips is None else slips[0]
+            raise InputError(
+                f"the clock slips at {test.time[at]:.6g} s in test {test.name} of pad {test.pad}, "
+                "and a reading without a time cannot be kept",
+                remedy=f"delete its row, or leave out {KEEP}",
+            )
+        return [(test, np.full(test.time.size, "", dtype=object)) for test in tests]
     channels = [_Channels(test, slips) for test, slips in zip(tests, clocks, strict=True)]
     top = max((one.fastest for one in channels), default=0.0)
-    cleaned: list[tuple[Test, UnusedReadings | None]] = []
+    cleaned = []
     for test, own in zip(tests, channels, strict=True):
-        bad = UnusedReadings.of(test, own.reasons(top))
-        if bad is None:
-            cleaned.append((test, None))
-            continue
-        if limited and bad.count > LARGEST_SHARE * test.time.size:
+        reasons = own.reasons(top)
+        bad = reasons != ""
+        if limited and np.count_nonzero(bad) > LARGEST_SHARE * bad.size:
             raise InputError(
-                f"{bad.count} of {test.time.size} readings of test {test.name} of pad {test.pad} "
-                f"are bad ({', '.join(dict.fromkeys(bad.reason.tolist()))}), the first at "
-                f"{bad.time[0]:.6g} s: too many to leave out",
+                f"{np.count_nonzero(bad)} of {bad.size} readings of test {test.name} of pad "
+                f"{test.pad} are bad ({', '.join(dict.fromkeys(reasons[bad]))}), the first at "
+                f"{test.time[bad][0]:.6g} s: too many to leave out",
                 remedy="mend the channel, delete the test, leave the time out with --leave-out, "
                 f"or keep them with {KEEP}",
             )
-        cleaned.append((without(test, bad.mask), bad))
+        cleaned.append((without(test, bad) if bad.any() else test, reasons))
     return cleaned
-
-
-def _clock_slips(test: Test, slips: Rows | None) -> InputError:
-    at = int(np.argmax(np.diff(test.time) <= 0.0)) + 1 if slips is None else int(slips[0])
-    return InputError(
-        f"the clock slips at {test.time[at]:.6g} s in test {test.name} of pad {test.pad}, and a "
-        "reading without a time cannot be kept",
-        remedy=f"delete its row, or leave out {KEEP}",
-    )
 
 
 def smooth_readings(test: Test) -> Test:
@@ -220,9 +209,8 @@ class _Channels:
         self.size = test.time.size
         self.slips = np.zeros(0, dtype=np.intp) if slips is None else slips
         self.ticking = np.delete(np.arange(self.size), self.slips)
-        self.time, self.way, force = (
-            x[self.ticking] for x in (test.time, test.displacement, test.force)
-        )
+        channels = test.time, test.displacement, test.force
+        self.time, self.way, force = (x[self.ticking] for x in channels)
         every = np.arange(self.time.size)
         self.used = every if test.used is None else np.flatnonzero(test.used[self.ticking])
         self.fastest = 0.0
@@ -237,67 +225,59 @@ class _Channels:
         self.way_runs = outlying_runs(self.time, self.way, self.of_way)
         # of the readings used, as their neighbours are
         self.force_runs = outlying_runs(self.time[self.used], self.read, self.of_read)
-        self.force_rows = mask_of(self._of_used(self.force_runs), self.time.size)
-        self.doubtful = mask_of(self.way_runs, self.time.size) | self.force_rows
+        self.force_rows = mask_of(_in_all(self.used, self.force_runs), self.time.size)
+        doubtful = mask_of(self.way_runs, self.time.size) | self.force_rows
+        self.sound = np.flatnonzero(~doubtful)
+        self.sound_used = self.used[~doubtful[self.used]]
         self.lost = np.zeros(self.time.size, dtype=bool)
-        t, x = self.time[~self.doubtful], self.way[~self.doubtful]
+        t, x = self.time[self.sound], self.way[self.sound]
         self.fastest = float(np.max(np.abs(np.diff(x)) / np.diff(t), initial=0.0))
         self.stiffness = self.of_force.span / self.of_way.span if self.of_way.span else 0.0
 
-    def reasons(self, top: float) -> NDArray[np.object_]:
+    def reasons(self, top: float) -> Reasons:
         """Return why each reading (n,) is bad, "" where it is not; top: the pad's largest speed."""
-        reason = np.full(self.size, "", dtype=object)
+        reasons = np.full(self.size, "", dtype=object)
         if self.used.size >= FEWEST:
             own = np.full(self.time.size, "", dtype=object)
             for run, kind, channel in self._bad(top):
                 if not (own[slice(*run)] != "").any():
                     own[slice(*run)] = f"{kind} {channel}"
-            reason[self.ticking] = own
-        reason[self.slips] = "clock time"
-        return reason
+            reasons[self.ticking] = own
+        reasons[self.slips] = "clock time"
+        return reasons
 
     def _bad(self, top: float) -> Iterator[tuple[Run, str, str]]:
-        for run in self.way_runs:
-            if self.force_rows[slice(*run)].all() and self._is_lost_row(run):
-                self.lost[slice(*run)] = True
-                yield run, _kind(self.way[slice(*run)]), "both"
-        for run in (*self.way_runs, *runs_at_ends(self.way, self.of_way)):
-            if self._way_contradicted(run, top):
-                self.lost[slice(*run)] = True
-                yield run, _kind(self.way[slice(*run)]), "displacement"
-        for run in self.force_runs:
-            if self._force_contradicted(run):
-                for part in self._of_used([run]):
-                    yield part, _kind(self.read[slice(*run)]), "force"
+        rows = [run for run in self.way_runs if self._is_lost_row(run)]
+        alone = [*self.way_runs, *runs_at_ends(self.way, self.of_way)]
+        for channel, runs in (("both", rows), ("displacement", alone)):
+            for run in runs:
+                if channel == "both" or self._way_contradicted(run, top):
+                    self.lost[slice(*run)] = True
+                    yield run, _kind(self.way[slice(*run)]), channel
+        for run in filter(self._force_contradicted, self.force_runs):
+            for part in _in_all(self.used, [run]):
+                yield part, _kind(self.read[slice(*run)]), "force"
         present = np.flatnonzero(~self.lost)  # a lost reading is no jump that ends a dwell
-        for run in self._stuck_way(present):
-            for part in _in_all(present, run):
-                yield part, "stuck", "displacement"
+        for part in _in_all(present, self._stuck_way(present)):
+            yield part, "stuck", "displacement"
         for run, kind in self._stuck_force():
-            for part in self._of_used([run]):
+            for part in _in_all(self.used, [run]):
                 yield part, kind, "force"
-
-    def _of_used(self, runs: Iterable[Run]) -> list[Run]:
-        """Return runs of the readings whose force is used as runs of all."""
-        return [part for run in runs for part in _in_all(self.used, run)]
 
     def _sides(self, run: Run) -> list[int]:
         """Return the sound readings before and after a run; at the record's end one twice."""
-        sound = np.flatnonzero(~self.doubtful)
-        return _around(sound[(sound < run[0]) | (sound >= run[1])], run[0])
+        return _around(self.sound[(self.sound < run[0]) | (self.sound >= run[1])], run[0])
 
     def _is_lost_row(self, run: Run) -> bool:
         """Return whether both channels read 0 although the platen cannot have moved that far."""
-        nothing = not self.way[slice(*run)].any() and not self.force[slice(*run)].any()
-        return nothing and self._speed(run) > _IMPOSSIBLE * self.fastest
+        nothing = self.force_rows & (self.way == 0.0) & (self.force == 0.0)
+        return bool(nothing[slice(*run)].all()) and self._speed(run) > _IMPOSSIBLE * self.fastest
 
     def _speed(self, run: Run) -> float:
         """Return the lowest speed with which the platen could have made the excursion."""
-        before, after = self._sides(run)
-        ends = ((run[0], before), (run[1] - 1, after))
-        return float(
-            min(abs(self.way[a] - self.way[b]) / abs(self.time[a] - self.time[b]) for a, b in ends)
-        )
+        ends, sides = [run[0], run[1] - 1], self._sides(run)
+        way, time = (x[ends] - x[sides] for x in (self.way, self.time))
+        return float(np.min(np.abs(way / time)))
 
     def _way_contradicted(self, run: Run, top: float) -> bool:
         """Return whether the force shows no sign of the displacement readings of a run."""
@@ -320,15 +300,14 @@ class _Channels:
         lost = not self.read[slice(*run)].any()
         step = self.of_way.step if self.of_way.step < 0.02 * self.of_way.span else 0.0
         flicker = 1.01 * step + 4.0 * float(self.of_way.deviation[first])
-        if not lost and _deflection(self.time, self.way, self._near(run, _BENDS)) > max(
+        if not lost and self._deflection(self._near(run, _BENDS)) > max(
             2.5 * flicker, 4.0 * self._typical_deflection()
         ):
             return False
         near = self.way[self._near(run, 2)]
         travel = float(np.ptp(near)) if near.size else 0.0
         moved = travel if travel > flicker else 0.0
-        sides = self.force[_around(self.used[~self.doubtful[self.used]], first)]
-        off = distance(self.read[slice(*run)], *sides)
+        off = distance(self.read[slice(*run)], *self.force[_around(self.sound_used, first)])
         return float(off.min()) > (_LEAVES if lost else _STIFFER) * self.stiffness * moved
 
     def _near(self, run: Run, reach: int) -> Rows:
@@ -338,12 +317,19 @@ class _Channels:
 
     def _typical_deflection(self) -> float:
         """Return the median deviation from a straight line, over all stretches of this length."""
-        sound, width = self.used[~self.doubtful[self.used]], 2 * _BENDS + 1
+        sound, width = self.sound_used, 2 * _BENDS + 1
         if sound.size < 2 * width:
             return 0.0
         starts = np.unique(np.linspace(0, sound.size - width, 60).astype(int))
-        parts = [sound[k : k + width] for k in starts]
-        return float(np.median([_deflection(self.time, self.way, part) for part in parts]))
+        return float(np.median([self._deflection(sound[k : k + width]) for k in starts]))
+
+    def _deflection(self, rows: Rows) -> float:
+        """Return the largest deviation of displacements from the line between their ends."""
+        if rows.size < 3:
+            return 0.0
+        ends = rows[[0, -1]]
+        line = np.interp(self.time[rows], self.time[ends], self.way[ends])
+        return float(np.max(np.abs(self.way[rows] - line)))
 
     def _stuck_way(self, rows: Rows) -> Iterator[Run]:
         """Yield runs in which the displacement stays, while the force goes on, and then jumps."""
@@ -409,10 +395,11 @@ def _kind(values: Array) -> str:
     return "lost" if not values.any() or (values.size > 2 and np.ptp(values) == 0.0) else "spike"
 
 
-def _in_all(rows: Rows, run: Run) -> list[Run]:
-    """Return a run of some of the readings, in order, as runs of all."""
-    some = rows[slice(*run)]
-    parts = np.split(some, np.flatnonzero(np.diff(some) > 1) + 1)
+def _in_all(rows: Rows, runs: Iterable[Run]) -> list[Run]:
+    """Return runs of some of the readings, in order, as runs of all."""
+    parts = []
+    for some in (rows[slice(*run)] for run in runs):
+        parts += np.split(some, np.flatnonzero(np.diff(some) > 1) + 1)
     return [(int(part[0]), int(part[-1]) + 1) for part in parts]
 
 
@@ -420,11 +407,3 @@ def _around(sound: Rows, first: int) -> list[int]:
     """Return the sound readings before and after a run that begins at ``first``."""
     after = int(np.searchsorted(sound, first))
     return [int(sound[max(after - 1, 0)]), int(sound[min(after, sound.size - 1)])]
-
-
-def _deflection(time: Array, values: Array, rows: Rows) -> float:
-    """Return the largest deviation of some readings from the line between their ends."""
-    if rows.size < 3:
-        return 0.0
-    line = np.interp(time[rows], time[rows[[0, -1]]], values[rows[[0, -1]]])
-    return float(np.max(np.abs(values[rows] - line)))

@@ -16,6 +16,7 @@ from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.approach import without_slopes
 from qlvbayes.motion.clean import (
+    Reasons,
     UnusedReadings,
     left_out_notice,
     smooth_readings,
@@ -26,7 +27,7 @@ from qlvbayes.motion.control import controls_of, phases_of, with_both_errors
 from qlvbayes.motion.falling import fall_notice, falls_of, largest_force, largest_stiffness
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
-from qlvbayes.motion.pad import by_phase, cut, excluded_notices, excluded_readings, left_out_of
+from qlvbayes.motion.pad import by_phase, cut, excluded_notices, excluded_readings
 from qlvbayes.motion.past import EarlierMotion, past_of
 from qlvbayes.motion.phases import Phase, loading_rate, no_ramp, phase_index
 from qlvbayes.motion.polling import fresh_forces, held_notices, with_fresh, with_own_readings
@@ -93,10 +94,6 @@ class Trial:
         """True if a record that begins in motion was preceded by an approach from zero."""
         return self.phases[0].control == Control.DISPLACEMENT
 
-    def phases_under(self, control: Control) -> tuple[Phase, ...]:
-        """Return the phases in which a quantity was prescribed."""
-        return tuple(phase for phase in self.phases if phase.control == control)
-
     @property
     def first_ramp(self) -> Phase | None:
         """First loading, of either prescribed quantity; None where there is none."""
@@ -152,7 +149,7 @@ class Experiment:
         Those left out, those from which the fitted motion is far, where the force falls while the
         platen moves in, and what was prescribed.
         """
-        left_out = [(trial.name, trial.left_out) for trial in self.trials]
+        left_out = [(trial.test, trial.left_out) for trial in self.trials]
         off = [(trial.name, trial.trajectory.departure) for trial in self.trials]
         unit = self.units.displacement
         return (
@@ -167,10 +164,7 @@ class Experiment:
     @cached_property  # a look asks for them by themselves and among all notices
     def falls(self) -> tuple[str, ...]:
         """Sentences on the tests whose force falls while the platen moves in."""
-        every = [
-            (t.name, falls_of(t.test, t.trajectory, t.phases_under(Control.DISPLACEMENT)))
-            for t in self.trials
-        ]
+        every = [(t.name, falls_of(t.test, t.trajectory, t.phases)) for t in self.trials]
         return tuple(fall_notice(self.pad, name, some, self.units) for name, some in every if some)
 
     @property
@@ -302,21 +296,20 @@ def prepare(
 ) -> Experiment:
     """Find motion, phases, rates and noise floor of a pad, and decide which tests are fitted."""
     trials, steps, cuts = _trials_of(pad, use, leave_out, keep_all=keep_all_readings)
-    roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
-    trials = [replace(t, role=role) for t, role in zip(trials, roles, strict=True)]
-    if all_tests:
-        trials = [replace(t, role="fit") for t in trials]
     tests, phases = [t.test for t in trials], [t.phases for t in trials]
     rescaled, fading = with_fading_sd(with_both_errors(tests, phases), phases)
     tests = [replace(t, force_sd=r.force_sd) for t, r in zip(tests, rescaled, strict=True)]
-    trials = [replace(t, test=test) for t, test in zip(trials, tests, strict=True)]
-    if keep_all_readings:  # a bad one is no noise, nor does it show how stiff the pad is
-        tests = list(map(smooth_readings, tests))
-    of_a_step = largest_stiffness(tests) * max(steps)
-    floor = measure(with_both_errors(tests, phases), phases, of_a_step=of_a_step, read=tests)
+    # a bad reading that is kept is no noise, nor does it show how stiff the pad is
+    read = list(map(smooth_readings, tests)) if keep_all_readings else tests
+    of_a_step = largest_stiffness(read) * max(steps)
+    floor = measure(with_both_errors(read, phases), phases, of_a_step=of_a_step, read=read)
     floor = replace(floor, notices=(*fading, *floor.notices))
-    trials = [replace(t, test=_with_tare_error(t.test, floor)) for t in trials]
-    return Experiment(pad.name, pad.units, tuple(trials), floor, pad.fluid, cuts=cuts)
+    roles = _roles(trials, FIT_RATE * pad.units.mm_per_s)
+    every = (
+        replace(trial, test=_with_tare_error(test, floor), role="fit" if all_tests else role)
+        for trial, test, role in zip(trials, tests, roles, strict=True)
+    )
+    return Experiment(pad.name, pad.units, tuple(every), floor, pad.fluid, cuts=cuts)
 
 
 def _with_tare_error(test: Test, floor: NoiseFloor) -> Test:
@@ -341,41 +334,41 @@ def _trials_of(
     fresh = fresh_forces(part.tests)
     held = held_notices(part.name, part.tests, fresh)
     part, slopes = without_slopes(part)
-    phases: Sequence[tuple[Phase, ...] | None] = [None] * len(begun)
+    phases: list[tuple[Phase, ...]] = [()] * len(begun)
     if by_phase(leave_out):
-        read = list(map(with_fresh, part.tests, fresh))
-        trials, _ = _smoothed(read, pad.units, keep_all=keep_all, limited=False)
+        tests = list(map(with_fresh, part.tests, fresh))
+        trials, _, _ = _smoothed(tests, pad.units, keep_all=keep_all, limited=False)
         phases = [trial.phases for trial in trials]
     excluded = [
         excluded_readings(test, part, leave_out, begun=since, phases=cut_into)
         for test, since, cut_into in zip(part.tests, begun, phases, strict=True)
     ]
-    used = (None if np.all(reason == "") else reason == "" for reason in excluded)
-    marked = (replace(test, used=some) for test, some in zip(part.tests, used, strict=True))
-    tests = list(map(with_fresh, marked, fresh))
-    trials, steps = _smoothed(tests, pad.units, keep_all=keep_all)
-    left_out = map(left_out_of, tests, (trial.left_out for trial in trials), excluded)
+    tests = []
+    for test, why, mask in zip(part.tests, excluded, fresh, strict=True):
+        used = None if np.all(why == "") else why == ""
+        tests.append(with_fresh(replace(test, used=used), mask))
+    trials, bad, steps = _smoothed(tests, pad.units, keep_all=keep_all)
+    reasons = (np.where(a == "", b, a) for a, b in zip(bad, excluded, strict=True))
+    left_out = map(UnusedReadings.of, tests, reasons)
     trials = [replace(t, left_out=out) for t, out in zip(trials, left_out, strict=True)]
     return trials, steps, (*slow, *held, *slopes, *cuts)
 
 
 def _smoothed(
     tests: Sequence[Test], units: UnitSystem, *, keep_all: bool, limited: bool = True
-) -> tuple[list[Trial], list[float]]:
-    """Return the trials of tests, with their bad readings alone as left out, and their steps."""
+) -> tuple[list[Trial], list[Reasons], list[float]]:
+    """Return the trials of tests, why readings of each are bad, and the encoder's steps."""
     sound, bad = zip(*sound_tests(tests, keep_all=keep_all, limited=limited), strict=True)
     read = [slice(None) if test.anew is None else test.anew for test in sound]
     times = [test.time[rows] for test, rows in zip(sound, read, strict=True)]
     paths = [test.displacement[rows] for test, rows in zip(sound, read, strict=True)]
     steps = encoder_steps(paths)
     scatters = known_scatter(times, paths, steps)
-    trials = [_trial(*one, units) for one in zip(sound, steps, scatters, bad, strict=True)]
-    return trials, list(steps)
+    trials = [_trial(*one, units) for one in zip(sound, steps, scatters, strict=True)]
+    return trials, list(bad), list(steps)
 
 
-def _trial(
-    whole: Test, step: float, scatter: float, left_out: UnusedReadings | None, units: UnitSystem
-) -> Trial:
+def _trial(whole: Test, step: float, scatter: float, units: UnitSystem) -> Trial:
     trajectory, whole = _moved(whole, step, scatter)
     test, recorded = whole, None
     if whole.used is not None:
@@ -383,7 +376,7 @@ def _trial(
         recorded = replace(whole, used=None)
     phases = phases_of(test, trajectory, controls_of(test, trajectory))
     rate = whole.rate if whole.rate is not None else _rate(whole, trajectory, phases, units)
-    return Trial(test, trajectory, phases, rate, whole.role or "", left_out, recorded)
+    return Trial(test, trajectory, phases, rate, whole.role or "", recorded=recorded)
 
 
 def _moved(test: Test, step: float, scatter: float) -> tuple[Trajectory, Test]:

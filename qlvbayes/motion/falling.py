@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from qlvbayes.io.data import Test
+from qlvbayes.io.data import Control, Test
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.phases import Phase
@@ -43,7 +43,8 @@ class ForceDrop:
 
 def falls_of(test: Test, trajectory: Trajectory, phases: Sequence[Phase]) -> tuple[ForceDrop, ...]:
     """Return the sudden losses of force in the loading ramps of a test, in the order of time."""
-    ramps = [phase for phase in phases if phase.kind == "ramp"]
+    prescribed = (phase for phase in phases if phase.control == Control.DISPLACEMENT)
+    ramps = [phase for phase in prescribed if phase.kind == "ramp"]
     steady = ~speed_changes(test, trajectory, _LASTING)
     change = np.diff(test.force)
     least = _SUDDEN * float(np.max(np.abs(test.force)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.readings import LEAST_SAMPLES
 from qlvbayes.io.units import SUFFIXES, UnitSystem
 from qlvbayes.io.wording import joined, plain
-from qlvbayes.motion.clean import UnusedReadings, without
+from qlvbayes.motion.clean import Reasons, UnusedReadings, without
 from qlvbayes.motion.phases import KINDS, NAMES, Phase, phase_index
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -69,32 +69,27 @@ class PartOfTest:
         ratio = own.over(SUFFIXES["displacement"][self.unit])
         return test.displacement * ratio.up / ratio.down
 
-    def rows(self, test: Test, pad: Pad, begun: float, phases: Sequence[Phase] | None) -> Mask:
-        """Return which readings (n,) lie in it, none in phases that are not known yet."""
-        if self.kind and phases is not None:
-            mask = self._of_phases(test, phases)
-        elif self.kind:
-            return np.zeros(test.time.size, dtype=bool)
-        else:
+    def rows(self, test: Test, pad: Pad, begun: float, phases: Sequence[Phase]) -> Mask:
+        """Return which readings (n,) lie in it."""
+        if not self.kind:
             values = self.values(test, pad, begun)
             mask = (values >= self.low) & (values <= self.high)
+        else:
+            seen, chosen = Counter[str](), np.zeros(len(phases), dtype=bool)
+            for k, phase in enumerate(phases):
+                seen[phase.kind] += 1
+                chosen[k] = phase.kind == self.kind and self.number in (None, seen[phase.kind])
+            if not chosen.any():
+                there = [f"{kind} 1 to {n}" if n > 1 else f"{kind} 1" for kind, n in seen.items()]
+                raise InputError(
+                    f"{self.option} {self.text!r}: test '{test.name}' has no such phase",
+                    remedy=f"name one of {', '.join(there)}, or a time as 'TEST:30..45s'",
+                )
+            mask = np.asarray(chosen[phase_index(phases, test.time)])
         if not mask.any():
             what = f"{self.option} {self.text!r}: test '{test.name}' has no reading there"
             raise InputError(what, remedy=_REMEDIES[self.option])
         return mask
-
-    def _of_phases(self, test: Test, phases: Sequence[Phase]) -> Mask:
-        seen, chosen = Counter[str](), np.zeros(len(phases), dtype=bool)
-        for k, phase in enumerate(phases):
-            seen[phase.kind] += 1
-            chosen[k] = phase.kind == self.kind and self.number in (None, seen[phase.kind])
-        if not chosen.any():
-            there = [f"{kind} 1 to {n}" if n > 1 else f"{kind} 1" for kind, n in seen.items()]
-            raise InputError(
-                f"{self.option} {self.text!r}: test '{test.name}' has no such phase",
-                remedy=f"name one of {', '.join(there)}, or a time as 'TEST:30..45s'",
-            )
-        return np.asarray(chosen[phase_index(phases, test.time)])
 
     def of_test(self, test: Test, pad: Pad) -> Test:
         """Return the test from where it reaches ``low`` to where it first exceeds ``high``."""
@@ -186,63 +181,44 @@ def excluded_readings(
     leave_out: Sequence[str],
     *,
     begun: float = 0.0,
-    phases: Sequence[Phase] | None = None,
-) -> NDArray[np.object_]:
+    phases: Sequence[Phase] = (),
+) -> Reasons:
     """Return why the user leaves out the force of each reading (n,) of a test, "" where not."""
-    reason = np.full(test.time.size, "", dtype=object)
+    reasons = np.full(test.time.size, "", dtype=object)
     if test.used is not None:
-        reason[~test.used] = "excluded by the column use"
+        reasons[~test.used] = "excluded by the column use"
     for part in parts_of((), leave_out):
         if part.names(test):
             mask = part.rows(test, pad, begun, phases)
-            reason[mask & (reason == "")] = f"excluded by {part.option} {part.text}"
-    left = int(np.count_nonzero(reason == ""))
+            reasons[mask & (reasons == "")] = f"excluded by {part.option} {part.text}"
+    left = int(np.count_nonzero(reasons == ""))
     if left < LEAST_SAMPLES:
         raise InputError(
             f"of the readings of test '{test.name}' of pad '{test.pad}' {left} are left, and at "
             f"least {LEAST_SAMPLES} are needed",
             remedy="leave out less, or delete the test",
         )
-    return reason
-
-
-def left_out_of(
-    test: Test, bad: UnusedReadings | None, excluded: NDArray[np.object_]
-) -> UnusedReadings | None:
-    """Return all readings of a test that are left out, bad ones and excluded ones; else None."""
-    reason = excluded.copy()
-    if bad is not None:
-        reason[bad.mask] = bad.reason
-    return UnusedReadings.of(test, reason)
+    return reasons
 
 
 def excluded_notices(
-    pad: str, tests: Sequence[tuple[str, UnusedReadings | None]], units: UnitSystem
-) -> tuple[str, ...]:
-    """Return a sentence on the readings of each test that the user leaves out, by what says so."""
-    sentences = []
-    for name, out in tests:
-        reasons = [] if out is None else dict.fromkeys(out.reason[out.excluded].tolist())
-        for reason in reasons:
-            assert out is not None
-            own = np.flatnonzero(out.reason == reason)
-            readings = "one reading" if own.size == 1 else f"{own.size} readings"
-            sentences.append(
-                f"pad {pad}: of test {name} the {units.force_name} of {readings} is left out "
-                f"({_times(out, own)}), as stated by {reason.removeprefix('excluded by ')}; their "
+    pad: str, tests: Sequence[tuple[Test, UnusedReadings | None]], units: UnitSystem
+) -> Iterator[str]:
+    """Yield a sentence on the readings of each test that the user leaves out, by what says so."""
+    for test, out in ((test, out) for test, out in tests if out is not None):
+        for reason in dict.fromkeys(out.reason[out.excluded]):
+            runs = out.runs(reason)
+            count, more = sum(run.size for run in runs), len(runs) - _NAMED
+            spans = [
+                " to ".join(dict.fromkeys(plain(float(out.time[k]), 6) for k in run[[0, -1]]))
+                + " s"
+                for run in runs[:_NAMED]
+            ]
+            if more > 0:
+                spans.append(f"{more} other span{'s' if more > 1 else ''}")
+            readings = "one reading" if count == 1 else f"{count} readings"
+            yield (
+                f"pad {pad}: of test {test.name} the {units.force_name} of {readings} is left out "
+                f"({joined(spans)}), as stated by {reason.removeprefix('excluded by ')}; their "
                 f"{units.displacement_name} still counts, as the specimen remembers it"
             )
-    return tuple(sentences)
-
-
-def _times(out: UnusedReadings, own: NDArray[np.intp]) -> str:
-    """Return when some of the readings left out were, as '30 to 45 s and 60 to 61 s'."""
-    kept_before = np.flatnonzero(out.mask)[own] - own  # readings that are not left out
-    spans = np.split(own, np.flatnonzero(np.diff(kept_before)) + 1)
-    named = [
-        " to ".join(dict.fromkeys(plain(float(out.time[k]), 6) for k in span[[0, -1]]))
-        for span in spans[:_NAMED]
-    ]
-    more = len(spans) - len(named)
-    others = [f"{more} other span{'s' if more > 1 else ''}"] if more else []
-    return joined([*(f"{one} s" for one in named), *others])

@@ -1,4 +1,4 @@
-"""Effects of a pad's tests on each other and on the model's assumptions: carryover, and pulls."""
+"""What a pad's tests do to each other and to a model's assumptions: carryover, and pulls."""
 
 from __future__ import annotations
 
@@ -21,8 +21,6 @@ _SEEN = 0.25  # of the noise at rest: the mean of sixteen independent samples sh
 _CLEAR = 0.05  # of the peak force below zero; less may be a tare that is off
 _BEYOND = 6.0  # times the noise floor
 
-Predict = Callable[["Record"], np.ndarray]
-
 
 @dataclass(frozen=True)
 class Carryover:
@@ -36,11 +34,14 @@ class Carryover:
 
 
 def carryovers(
-    experiment: Experiment, trials: Sequence[Trial], record: Record, predict: Predict
-) -> tuple[Carryover, ...]:
+    experiment: Experiment,
+    trials: Sequence[Trial],
+    record: Record,
+    predict: Callable[[Record], np.ndarray],
+) -> list[Carryover]:
     """Return the carryover of each of ``trials``; none where all began at rest."""
     if record.motion.ago is None or experiment.rested:
-        return ()
+        return []
     from qlvbayes.motion.record import forgetting  # loads JAX, which a first look does not need
 
     change = np.abs(predict(record) - predict(forgetting(record)))
@@ -48,34 +49,32 @@ def carryovers(
     every = [trial.whole for trial in experiment.trials]
     found = []
     for trial, size in zip(trials, sizes.tolist(), strict=True):
-        remembered = remembered_tests(every.index(trial.whole), every, experiment.longest)
-        if remembered:
-            before = every[remembered[0]]
+        for last in remembered_tests(every.index(trial.whole), every, experiment.longest)[:1]:
+            before = every[last]
             between = pause(before, trial.whole) or 0.0
-            peak = float(np.max(np.abs(experiment.trials[remembered[0]].test.force)))
+            peak = float(np.max(np.abs(experiment.trials[last].test.force)))
             found.append(Carryover(trial.name, before.name, between, size, size / peak))
-    return tuple(found)
+    return found
 
 
 def carryover_notices(
-    experiment: Experiment, trials: Sequence[Trial], record: Record, predict: Predict
+    experiment: Experiment,
+    trials: Sequence[Trial],
+    record: Record,
+    predict: Callable[[Record], np.ndarray],
 ) -> tuple[str, ...]:
-    """Return one sentence on the test with the largest carryover, where that can be seen."""
+    """Return a sentence on the largest carryover that can be seen, one on clocks that overlap."""
     every = carryovers(experiment, trials, record, predict)
     seen = [one for one in every if one.size > _SEEN * experiment.floor.total]
-    if not seen:
-        return ()
-    most = max(seen, key=lambda one: one.share)
-    others = f"; {len(seen) - 1} more tests began so, with less" if len(seen) > 1 else ""
-    return (
-        f"pad {experiment.pad}: test {most.test} began {most.pause:.3g} s after {most.before} with "
-        f"{100.0 * most.share:.2g} % of the largest force of {most.before} still relaxing, which "
-        f"the model takes into account{others}",
-    )
-
-
-def clock_notices(experiment: Experiment) -> tuple[str, ...]:
-    """Return one sentence on a test that began, by the declared clock, before another ended."""
+    said = []
+    if seen:
+        most = max(seen, key=lambda one: one.share)
+        others = f"; {len(seen) - 1} more tests began so, with less" if len(seen) > 1 else ""
+        said.append(
+            f"pad {experiment.pad}: test {most.test} began {most.pause:.3g} s after {most.before} "
+            f"with {100.0 * most.share:.2g} % of the largest force of {most.before} still "
+            f"relaxing, which the model takes into account{others}"
+        )
     tests = sorted((t.whole for t in experiment.trials), key=lambda test: test.start_s)
     early = [
         f"pad {experiment.pad}: test {after.name} begins, by its start_s, before {before.name} has "
@@ -83,27 +82,7 @@ def clock_notices(experiment: Experiment) -> tuple[str, ...]:
         for before, after in pairwise(tests)
         if (pause(before, after) or 0.0) < -ROUNDED
     ]
-    return tuple(early[:1])
-
-
-@dataclass(frozen=True)
-class TensileForce:
-    """The lowest force (N, below zero), its test, its time (s), and its share of the peak force."""
-
-    test: str
-    time: float
-    force: float
-    share: float
-
-
-def pull_of(experiment: Experiment) -> TensileForce | None:
-    """Return the strongest pull, if below zero by more than 5 % of the peak and 6 noise floors."""
-    trial = min(experiment.trials, key=lambda one: float(np.min(one.test.force)))
-    lowest = int(np.argmin(trial.test.force))
-    force, peak = float(trial.test.force[lowest]), experiment.peak
-    if force >= -max(_CLEAR * peak, _BEYOND * experiment.floor.total):
-        return None
-    return TensileForce(trial.name, float(trial.test.time[lowest]), force, -force / peak)
+    return (*said, *([] if experiment.rested else early[:1]))
 
 
 def pull_notices(
@@ -115,20 +94,24 @@ def pull_notices(
 ) -> tuple[str, ...]:
     """Return one line if a pad pulls that neither is bonded nor has adhesion in its model.
 
-    A mass that is moved and a guide that rubs make the force negative, too: where the readings show
-    one beyond doubt, and no adhesion, there is no line. ``shown`` is what they show, if known.
+    It pulls where its force is below zero by more than 5 % of the peak and 6 noise floors. A mass
+    that is moved and a guide that rubs make the force negative, too: where the readings show one
+    beyond doubt, and no adhesion, there is no line. ``shown`` is what they show, if known.
     """
-    pull = None if bonded or "adhesion" in effects else pull_of(experiment)
-    if pull is None:
+    trial = min(experiment.trials, key=lambda one: float(np.min(one.test.force)))
+    lowest, peak = int(np.argmin(trial.test.force)), experiment.peak
+    force = float(trial.test.force[lowest])
+    clear = force < -max(_CLEAR * peak, _BEYOND * experiment.floor.total)
+    if bonded or "adhesion" in effects or not clear:
         return ()
     shown = direct_evidence(experiment, bonded) if shown is None else shown
     sure = {one.effect for one in shown if one.beyond_doubt}
     if sure & {"inertia", "friction"} and "adhesion" not in sure:
         return ()
-    unit, share = experiment.units.force, plain(100.0 * pull.share, 2)
     return (
-        f"pad {experiment.pad}: the measured force falls to {pull.force:.3g} {unit} at "
-        f"{pull.time:.4g} s of test {pull.test} ({share} % of the peak, pulling), "
+        f"pad {experiment.pad}: the measured force falls to {force:.3g} {experiment.units.force} "
+        f"at {trial.test.time[lowest]:.4g} s of test {trial.name} "
+        f"({plain(-100.0 * force / peak, 2)} % of the peak, pulling), "
         "but a loose specimen cannot pull: add --bonded if it is glued to the platen, "
         "--add adhesion if it sticks",
     )

@@ -15,7 +15,7 @@ from qlvbayes.motion import experiment
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.falling import falls_of, largest_stiffness
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.specimen import pull_notices, pull_of
+from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.simulate import NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 
 RATE = 20.0  # readings a second
@@ -211,18 +211,17 @@ def pulled(pad, share, test=1):
 
 
 def test_noise_about_zero_is_no_pull(pad):
-    assert pull_of(prepare(pad)) is None
+    assert pull_notices(prepare(pad), bonded=False) == ()
     assert pull_notices(pulled(pad, 0.03), bonded=False) == ()
 
 
 @pytest.mark.parametrize("test", [0, 1])
 def test_the_lowest_pull_is_told_with_test_time_and_size_unless_the_specimen_may(pad, test):
     experiment = pulled(pad, 0.08, test)
-    found, trial = pull_of(experiment), experiment.trials[test]
-    assert found.test == trial.name
-    assert found.time == trial.test.time[int(np.argmin(trial.test.force))]
-    assert found.share == pytest.approx(0.08, rel=1e-6)
-    assert len(pull_notices(experiment, bonded=False)) == 1
+    trial = experiment.trials[test]
+    lowest = trial.test.time[int(np.argmin(trial.test.force))]
+    (notice,) = pull_notices(experiment, bonded=False)
+    assert f"at {lowest:.4g} s of test {trial.name} (8 % of the peak" in notice
     assert pull_notices(experiment, bonded=True) == ()
     assert pull_notices(experiment, bonded=False, effects=("adhesion",)) == ()
     assert len(pull_notices(experiment, bonded=False, effects=("inertia",))) == 1

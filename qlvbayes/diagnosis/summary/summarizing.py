@@ -40,7 +40,7 @@ from qlvbayes.laws.relaxation.law import unresolved_times
 from qlvbayes.motion.evidence import DirectEvidence
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record
-from qlvbayes.motion.specimen import carryover_notices, clock_notices
+from qlvbayes.motion.specimen import carryover_notices
 
 
 def summarize(
@@ -244,7 +244,6 @@ def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tu
         return space.forces(selected.hypothesis, constants[None], record)[0]
 
     carryover = carryover_notices(experiment, experiment.trials, space.record, predict)
-    clock = () if experiment.rested else clock_notices(experiment)
     model = selected.point.own.model_at(constants)
     times = unresolved_times(model.relaxation, experiment.scales)
     notices = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
@@ -253,4 +252,4 @@ def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tu
             f"pad {experiment.pad}: the search ended after {len(search.modes)} hypotheses, because "
             "very many fit alike: probabilities are those among these hypotheses"
         )
-    return (*carryover, *clock, *notices)
+    return (*carryover, *notices)

@@ -6,14 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from qlvbayes.io.contact import FirstContact
+from qlvbayes.motion.evidence.levels import DirectEvidence, Levels
 from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
-from qlvbayes.motion.evidence.record import DirectEvidence
-from qlvbayes.motion.evidence.repeating import (
-    contact_seen,
-    contacts_of,
-    drift_seen,
-    repeated_seen,
-)
+from qlvbayes.motion.evidence.repeating import contact_seen, contacts_of, drift_seen, repeated_seen
 from qlvbayes.motion.evidence.starting import inertia_seen, lag_seen, ringing_seen
 from qlvbayes.motion.experiment import Experiment
 
@@ -28,16 +23,16 @@ def direct_evidence(
     bonded: whether the specimen is fixed to the platen, which then may pull; contacts: those of the
     tests, where they are known already.
     """
-    known = contacts_of(experiment) if contacts is None else contacts
+    tests = _tests_of(experiment)
     every = (
-        *adhesion_seen(experiment, bonded=bonded),
-        *inertia_seen(experiment),
-        *friction_seen(experiment),
-        *ringing_seen(experiment),
-        *lag_seen(experiment),
-        *contact_seen(experiment, known),
-        *repeated_seen(experiment),
-        *drift_seen(experiment),
+        *(() if bonded or experiment.units.dimensionless else adhesion_seen(tests)),
+        *inertia_seen(tests),
+        *friction_seen(tests),
+        *ringing_seen(tests),
+        *lag_seen(tests),
+        *contact_seen(experiment, contacts_of(experiment) if contacts is None else contacts),
+        *repeated_seen(tests),
+        *drift_seen(tests),
     )
     return tuple(sorted(every, key=lambda one: not one.beyond_doubt))
 
@@ -48,5 +43,10 @@ def with_mass(experiment: Experiment) -> Experiment:
     It is the impulse of the force over the change of speed, which needs no acceleration: where
     readings do not resolve that, no fit can find the mass.
     """
-    shown = next((one for one in inertia_seen(experiment) if one.beyond_doubt), None)
+    seen = inertia_seen(_tests_of(experiment))
+    shown = next((one for one in seen if one.beyond_doubt), None)
     return replace(experiment, mass=None if shown is None else (shown.value, shown.sd))
+
+
+def _tests_of(experiment: Experiment) -> list[Levels]:
+    return [Levels(experiment, trial) for trial in experiment.trials]

@@ -9,18 +9,16 @@ import numpy as np
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Control
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.evidence.record import (
+from qlvbayes.motion.evidence.levels import (
+    AGREE,
     CLEAR,
     DirectEvidence,
+    Levels,
     Place,
-    level_of,
-    mean_speed,
-    moves_of,
     off_their_mean,
     pooled,
     shown,
 )
-from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.phases import Phase
 
 _AROUND = 5  # readings before and after a start, whose means are levels
@@ -37,10 +35,10 @@ _SMALLEST = 1e-3  # of the peak, below which a swing may be a bend of the specim
 _SAME = 0.1  # of a frequency, within which stops ring alike
 _ABOUT = 40  # readings before and after the stop of a ramp, in which a delay is looked for
 _STEPS = 8  # of finding a delay, of which each leaves a small part
-_ALIKE = 3.0  # errors, within which stops have one delay
+_TINY = 1e-300
 
 
-def inertia_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+def inertia_seen(tests: Sequence[Levels]) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a spike of force at starts and stops, which ends with them.
 
     Its impulse is mass times change of speed, however well the acceleration is resolved. A drag and
@@ -48,24 +46,26 @@ def inertia_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     """
     places = [
         place
-        for trial, move, _ in moves_of(experiment.trials)
+        for test in tests
+        for move, _ in test.moves()
         for begins in (True, False)
-        if (place := _impulse(experiment, trial, move, begins=begins)) is not None
+        if (place := _impulse(test, move, begins=begins)) is not None
         if abs(place.value) > CLEAR * place.sd
     ]
-    starts = [one for one in places if one.phase.startswith("start")]
+    starts = sum(one.phase.startswith("start") for one in places)
     if len(places) < 2:
         return ()
     value, sd, scatter = _mass(places)
     if value < CLEAR * sd or scatter > _SCATTER:
         return ()  # a specimen's force, which bends
-    unit = f"{experiment.units.force} s2/{experiment.units.displacement}"
+    units = tests[0].experiment.units
+    unit = f"{units.force} s2/{units.displacement}"
     return shown(
         "inertia", "impulse at starts and stops over change of speed", places, (value, sd), unit,
-        f"the force has a spike at {len(starts)} starts and {len(places) - len(starts)} stops, "
+        f"the force has a spike at {starts} starts and {len(places) - starts} stops, "
         f"of the sign of the acceleration, and returns: a moving mass of {plain(value)} +- "
         f"{plain(sd, 2)} {unit}",
-        sure=0 < len(starts) < len(places),
+        sure=0 < starts < len(places),
     )  # fmt: skip
 
 
@@ -81,47 +81,45 @@ def _mass(places: Sequence[Place]) -> tuple[float, float, float]:
     weights = speeds**2 / ((speeds * sds) ** 2 + left)
     mass = float(masses @ weights / weights.sum())
     made = abs(mass) * float(np.sqrt(np.mean(speeds**2)))
-    return mass, float(weights.sum()) ** -0.5, float(np.sqrt(left)) / max(made, 1e-300)
+    return mass, float(weights.sum()) ** -0.5, float(np.sqrt(left)) / max(made, _TINY)
 
 
-def _impulse(experiment: Experiment, trial: Trial, move: Phase, *, begins: bool) -> Place | None:
+def _impulse(test: Levels, move: Phase, *, begins: bool) -> Place | None:
     """Return the mass by the impulse of a start or a stop; None where the force does not return."""
-    time, path, middle = trial.test.time, trial.trajectory, 0.5 * (move.start + move.stop)
+    time, path = test.trial.test.time, test.trial.trajectory
+    middle = 0.5 * (move.start + move.stop)
     instants = np.linspace(*((move.start, middle) if begins else (middle, move.stop)), 400)
     speeds = np.abs(path.velocity(instants))
     speed = float(speeds.max())
     fast = instants[speeds >= _REACHED * speed]
     # what creeps after it has braked does not move a mass
-    begin, end = (move.start, fast[0]) if begins else (fast[-1], move.stop)
-    first, stop = (int(k) for k in np.searchsorted(time, [begin, end]))
-    first, stop = first - 2, stop + 3
+    ends = [move.start, fast[0]] if begins else [fast[-1], move.stop]
+    first, stop = np.searchsorted(time, ends) + np.array([-2, 3])
     if first < _AROUND or stop > time.size - _AROUND:
         return None
+    before = test.level(np.arange(first - _AROUND, first))
+    after = test.level(np.arange(stop, stop + _AROUND))
+    assert before is not None
+    assert after is not None
     rows = np.arange(first, stop)
-    before = level_of(experiment, trial, np.arange(first - _AROUND, first))
-    after = level_of(experiment, trial, np.arange(stop, stop + _AROUND))
-    if before is None or after is None:
-        return None
-    share = (time[rows] - time[first]) / max(time[stop - 1] - time[first], 1e-300)
-    spike = trial.test.force[rows] - before.value - share * (after.value - before.value)
-    highest = float(np.max(np.abs(spike)))
-    if abs(after.value - before.value) > _RETURNS * highest:
-        return None
     lasts = float(time[stop - 1] - time[first])
+    share = (time[rows] - time[first]) / max(lasts, _TINY)
+    spike = test.trial.test.force[rows] - before.value - share * (after.value - before.value)
+    highest = float(np.max(np.abs(spike)))
     change = float(np.diff(path.velocity(time[[first, stop - 1]]))[0])
-    if abs(change) < 0.5 * speed:
+    if abs(after.value - before.value) > _RETURNS * highest or abs(change) < 0.5 * speed:
         return None
-    noise = experiment.floor.white * lasts / np.sqrt(rows.size)
+    noise = test.experiment.floor.white * lasts / np.sqrt(rows.size)
     slow = lasts * 0.5 * (before.sd + after.sd)
     mass = float(np.trapezoid(spike, time[rows])) / change
     counted = max(int(np.count_nonzero(np.abs(spike) > 0.5 * highest)), 1)
     coarse = _COARSE * mass / counted / CLEAR
     sd = float(np.hypot(np.hypot(noise, slow) / change, coarse))
     where = f"{'start' if begins else 'stop'} of {move.kind}"
-    return Place(mass, sd, trial, where, abs(change))
+    return Place(mass, sd, test.trial, where, abs(change))
 
 
-def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+def lag_seen(tests: Sequence[Levels]) -> tuple[DirectEvidence, ...]:
     r"""Return the evidence of a force that stops rising later than the platen stops.
 
     About a stop at the time s, with depth d and speed v of the platen,
@@ -134,9 +132,10 @@ def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     """
     places = [
         place
-        for trial, move, rest in moves_of(experiment.trials, "ramp")
+        for test in tests
+        for move, rest in test.moves("ramp")
         if rest is not None and rest.control == Control.DISPLACEMENT
-        if (place := _delay(experiment, trial, move, rest)) is not None
+        if (place := _delay(test, move, rest)) is not None
     ]
     if len(places) < 2:
         return ()
@@ -149,25 +148,26 @@ def lag_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
         "channel_lag", "delay of the force after a stop", places, size, "s",
         f"at {len(places)} stops the force follows the displacement {plain(value)} +- "
         f"{plain(sd, 2)} s later: one channel lags",
-        sure=several and off_their_mean(places, size) < _ALIKE,
+        sure=several and off_their_mean(places, size) < AGREE,
     )  # fmt: skip
 
 
-def _delay(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Place | None:
+def _delay(test: Levels, move: Phase, rest: Phase) -> Place | None:
     """Return the delay (s) about the stop of a movement; None where it cannot be measured."""
-    before = trial.rows(move.start, move.stop)[-_ABOUT:]
-    rows = np.concatenate([before, trial.rows(move.stop, rest.stop)[:_ABOUT]])
+    read, path = test.trial.test, test.trial.trajectory
+    before = test.trial.rows(move.start, move.stop)[-_ABOUT:]
+    rows = np.concatenate([before, test.trial.rows(move.stop, rest.stop)[:_ABOUT]])
     if rows.size < 2 * _ABOUT:
         return None
-    time, delay, sd = trial.test.time[rows], 0.0, 0.0
+    time, delay, sd = read.time[rows], 0.0, 0.0
     for _ in range(_STEPS):
-        moved = np.clip(time - delay, trial.test.time[0], trial.test.time[-1])
-        depth, speed = trial.trajectory.displacement(moved), trial.trajectory.velocity(moved)
+        moved = np.clip(time - delay, read.time[0], read.time[-1])
+        depth, speed = path.displacement(moved), path.velocity(moved)
         depth, since = depth - depth[-1], time - move.stop
         columns = np.stack([np.ones(rows.size), depth, depth**2, speed, since, since**2], axis=1)
         scales = np.abs(columns).max(axis=0)
-        left, size, sds = _left(columns / scales, trial.test.force[rows])
-        noise = max(1.0, experiment.floor.total / max(np.sqrt(left / rows.size), 1e-300))
+        left, size, sds = _left(columns / scales, read.force[rows])
+        noise = max(1.0, test.experiment.floor.total / max(np.sqrt(left / rows.size), _TINY))
         slope, drag = size[[1, 3]] / scales[[1, 3]]
         sd_slope, sd_drag = noise * sds[[1, 3]] / scales[[1, 3]]
         if not slope > CLEAR * sd_slope:
@@ -178,22 +178,24 @@ def _delay(experiment: Experiment, trial: Trial, move: Phase, rest: Phase) -> Pl
             return None
         if abs(more) < 0.1 * sd:
             break
-    return Place(delay, sd, trial, f"stop of {move.kind}", mean_speed(trial, move))
+    return Place(delay, sd, test.trial, f"stop of {move.kind}", test.speed(move))
 
 
-def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
+def ringing_seen(tests: Sequence[Levels]) -> tuple[DirectEvidence, ...]:
     """Return the evidence of a decaying sine after stops, of one frequency in all of them.
 
     The frequency is that after the fastest stop, and stops as fast as those that ring, ring, too: a
     specimen that recovers may look like a swing.
     """
     stops = [
-        (mean_speed(trial, move), _tone(trial, rest))
-        for trial, move, rest in moves_of(experiment.trials)
+        (test.speed(move), _tone(test, rest))
+        for test in tests
+        for move, rest in test.moves()
         if rest is not None and rest.control == Control.DISPLACEMENT
-        if trial.rows(rest.start, rest.stop).size > _FEWEST
+        if test.trial.rows(rest.start, rest.stop).size > _FEWEST
     ]
     fastest = max(stops, key=lambda one: one[0], default=(0.0, None))[1]
+    experiment = tests[0].experiment
     if fastest is None or fastest.value < _SMALLEST * experiment.peak:
         return ()
     ringing = [
@@ -215,42 +217,37 @@ def ringing_seen(experiment: Experiment) -> tuple[DirectEvidence, ...]:
     )  # fmt: skip
 
 
-def _tone(trial: Trial, rest: Phase) -> Place | None:
+def _tone(test: Levels, rest: Phase) -> Place | None:
     """Return the amplitude of a decaying sine after a stop; ``speed`` is its frequency (Hz)."""
-    resting = trial.rows(rest.start, rest.stop)[1:]
-    rows = resting[:_READINGS]
-    if rows.size < _FEWEST:
-        return None
-    time = trial.test.time[rows] - trial.test.time[rows[0]]
-    force, step = trial.test.force[rows], float(np.median(np.diff(time)))
-    late = np.log1p(time / step)
-    smooth = np.stack([late**k for k in range(5)], axis=1)
-    tones = np.repeat(np.geomspace(4.0 / time[-1], 0.3 / step, _TONES), len(_FADING))
-    fall = np.exp(-np.tile(_FADING, _TONES) * tones * time[:, None])
+    resting = test.trial.rows(rest.start, rest.stop)[1:]
+    rows, later = np.split(resting[: 2 * _READINGS], [min(_READINGS, resting.size)])
+    every, force = test.trial.test.time[resting], test.trial.test.force
+    since = every - every[0]
+    time, step = since[: rows.size], float(np.median(np.diff(since[: rows.size])))
+    smooth = np.vander(np.log1p(time / step), 5, increasing=True)
+    frequencies = np.geomspace(4.0 / time[-1], 0.3 / step, _TONES)
+    tones, fading = np.repeat(frequencies, len(_FADING)), np.tile(_FADING, _TONES)
     turned = 2.0 * np.pi * tones * time[:, None]
+    fall = np.exp(-fading * tones * time[:, None])
     swings = np.stack([fall, fall * np.cos(turned), fall * np.sin(turned)], axis=-1)
     columns = np.concatenate(
         [np.broadcast_to(smooth, (tones.size, *smooth.shape)), swings.transpose(1, 0, 2)], axis=-1
     )
-    basis = np.linalg.qr(columns)[0]
-    shares = np.einsum("tnk,n->tk", basis, force)
-    lefts = np.sum((force - np.einsum("tnk,tk->tn", basis, shares)) ** 2, axis=1)
-    best = int(np.argmin(lefts))
-    left, every, errors = _left(columns[best], force)
-    size, sd, plain_left = every[-2:], float(np.max(errors[-2:])), _left(smooth, force)[0]
-    amplitude = float(np.hypot(*size))
-    if amplitude < 2.0 * CLEAR * sd or left > 0.5 * plain_left:
+    explained = np.einsum("tnk,n->tk", np.linalg.qr(columns)[0], force[rows])
+    best = int(np.argmax(np.sum(explained**2, axis=1)))
+    left, sizes, errors = _left(columns[best], force[rows])
+    amplitude, sd = float(np.hypot(*sizes[-2:])), float(np.max(errors[-2:]))
+    if amplitude < 2.0 * CLEAR * sd or left > 0.5 * _left(smooth, force[rows])[0]:
         return None
-    later = resting[rows.size :][-rows.size :]
     if later.size >= _FEWEST:  # a hum of the mains goes on
-        since = trial.test.time[later] - trial.test.time[rows[0]]
+        since = since[rows.size :][: later.size]
         turned = 2.0 * np.pi * tones[best] * since
         waves = np.column_stack([np.ones(later.size), since, np.cos(turned), np.sin(turned)])
-        hum = np.hypot(*_left(waves, trial.test.force[later])[1][2:])
-        rate = np.tile(_FADING, _TONES)[best] * tones[best]
-        if hum > _HUMS * amplitude * np.exp(-rate * np.mean(since)) + CLEAR * sd:
+        hum = np.hypot(*_left(waves, force[later])[1][2:])
+        faded = amplitude * np.exp(-fading[best] * tones[best] * np.mean(since))
+        if hum > _HUMS * faded + CLEAR * sd:
             return None
-    return Place(amplitude, sd, trial, rest.kind, float(tones[best]))
+    return Place(amplitude, sd, test.trial, rest.kind, float(tones[best]))
 
 
 def _left(columns: Array, values: Array) -> tuple[float, Array, Array]:
