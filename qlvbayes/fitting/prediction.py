@@ -69,7 +69,7 @@ def predict(
     experiment = replace(experiment, rested=choices.rested)
     chosen = [_rows(trial) for trial in trials]
     parts = zip(trials, chosen, strict=True)
-    record = batch([single_samples(experiment, trial, rows) for trial, rows in parts])
+    record = batch([experiment.reduced(trial, rows) for trial, rows in parts])
     predictor = Predictor.from_model(*choices.build(experiment.scales), record)
     rng = np.random.default_rng(seed)
     every = np.stack([np.ravel(constants[name]) for name in predictor.names], axis=-1)
@@ -125,15 +125,6 @@ def representative_rows(trial: Trial) -> np.ndarray:
     """Return the indices of samples that represent a trial."""
     rows = _rows(trial)
     return rows[clear_of_kinks(trial.test.time, trial.trajectory, trial.phases)[rows]]
-
-
-def single_samples(experiment: Experiment, trial: Trial, rows: np.ndarray) -> Record:
-    """Return the record of some samples of a trial, each its own block."""
-    test = trial.test
-    sds = None if test.force_sd is None else test.force_sd[rows]
-    moved, force = test.displacement[rows], test.force[rows]
-    thinned = replace(test, time=test.time[rows], displacement=moved, force=force, force_sd=sds)
-    return experiment.reduced(trial, thinned)
 
 
 def _noise(predictor: Predictor, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:

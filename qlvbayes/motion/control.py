@@ -15,9 +15,9 @@ measured on :math:`F - K \delta`, in which both errors show whatever the control
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ HELD = 0.05  # of the largest force, by which a held force may be read to either
 _NOISY = 8.0  # sds of neighbouring readings, by which it may be too: slow errors are as large
 _FEWEST = 20  # readings in a hold: fewer show no drift
 _LONG = 0.05  # of a test's time: a force that is held for less was not prescribed
-_LOADED = 0.2  # of the largest force, below which a specimen recovers instead of creeping
+_LOADED = 0.2  # of the largest force, below which a specimen recovers, and its force hardly shows
 _CREPT = 0.004  # of the largest displacement: less is what a held displacement drifts,
 _SEEN = 3.0  # and so many resolutions of the displacement
 _STEADY = 0.01  # of the largest force, above which a force scatters too much to be held
@@ -42,7 +42,6 @@ _SLOW_ERRORS = 4.0  # sds of neighbouring readings, above which too: it rises an
 _PLAIN = 2.0  # times what the scatter of the force explains, above which a specimen creeps
 _ENOUGH = 5000  # readings of a test that show its holds
 _ENDS = 0.05  # of a hold's time at either end, where the movement next to it may reach in
-_OUTLASTS = 2.0  # times the unloading, for which a recovery goes on; a platen that brakes does not
 _FADES = 1.05  # times as long as its second quarter the third takes; once at even speed
 _CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold,
 _EXACT = 3e-4  # and so much of the largest force: in a smaller change rounding would decide
@@ -52,8 +51,6 @@ _SHOWN = 6  # readings there, that show how even a movement is
 _RESTS = 0.3  # of the time between two holds, or of a hold, for which one quantity rests there
 _STOPS = 0.5  # of its way before, that it makes in the same time when it has stopped
 _FEWEST_LEFT = 3  # readings in a phase that a change of control cuts
-_ON_A_CURVE = 10  # readings of a ramp that show how the slope grows
-_POINTS = 200  # of that ramp, at which its force is computed
 
 
 @dataclass(frozen=True)
@@ -77,9 +74,17 @@ def controls_of(test: Test, trajectory: Trajectory) -> tuple[Prescribed, ...]:
         return tuple(part for part in parts if part.start < part.stop)
     if test.control is not None:
         return (Prescribed(Control(test.control), begin, end),)
-    runs = groupby(_detected(test, trajectory), key=lambda part: part.control)
-    joined = (list(run) for _, run in runs)
-    return tuple(replace(run[0], stop=run[-1].stop) for run in joined)
+    holds, found = _creeping(test, trajectory), list[Prescribed]()
+    bounds = [begin, *(time for hold in holds for time in hold), end]
+    for k, (start, stop) in enumerate(pairwise(bounds)):
+        if start >= stop:
+            continue
+        between = _between(test, trajectory, start, stop) if holds else Control.DISPLACEMENT
+        control = Control.FORCE if k % 2 == 1 else between
+        if found and found[-1].control == control:
+            start = found.pop().start
+        found.append(Prescribed(control, start, stop))
+    return tuple(found)
 
 
 def slack(test: Test) -> float:
@@ -108,22 +113,6 @@ def stretches(test: Test) -> list[LevelStretch]:
     return parts
 
 
-def _detected(test: Test, trajectory: Trajectory) -> list[Prescribed]:
-    """Return stretches of held force with creep, and what is prescribed between them."""
-    begin, end = map(float, trajectory.read_times(test.time)[[0, -1]])
-    holds = _creeping(test, trajectory)
-    if not holds:
-        return [Prescribed(Control.DISPLACEMENT, begin, end)]
-    bounds = [begin, *(time for hold in holds for time in hold), end]
-    prescribed = []
-    for k, (start, stop) in enumerate(pairwise(bounds)):
-        if start < stop:
-            inside = k % 2 == 1
-            control = Control.FORCE if inside else _between(test, trajectory, start, stop)
-            prescribed.append(Prescribed(control, start, stop))
-    return prescribed
-
-
 def _creeping(test: Test, trajectory: Trajectory) -> list[tuple[float, float]]:
     """Return beginnings and ends (s) of the stretches of held force in which a specimen creeps."""
     if np.max(np.abs(test.force)) == 0.0 or np.max(np.abs(test.displacement)) == 0.0:
@@ -146,7 +135,7 @@ def _creeping(test: Test, trajectory: Trajectory) -> list[tuple[float, float]]:
 def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last: float) -> bool:
     """Return whether the displacement goes on ever more slowly while the force is held (N)."""
     peak, depth = float(np.max(np.abs(test.force))), float(np.max(np.abs(test.displacement)))
-    if last - first < _LONG * np.ptp(test.time):
+    if last - first < _LONG * np.ptp(test.time) or abs(level) < _LOADED * peak:
         return False
     # a movement before or after may reach into it; what rests between them does not creep
     spare = _ENDS * (last - first)
@@ -169,23 +158,7 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
     share = np.maximum.accumulate((displacement - displacement[0]) / crept)
     quarters = np.interp([0.25, 0.5, 0.75], share, time)
     second, third = np.diff(quarters)
-    if third < _FADES * second:
-        return False
-    lasted = float(quarters[2] - quarters[0])
-    return abs(level) >= _LOADED * peak or _recovers(test, trajectory, first, crept, lasted)
-
-
-def _recovers(
-    test: Test, trajectory: Trajectory, first: float, crept: float, lasted: float
-) -> bool:
-    """Return whether a specimen recovers by itself, from a time (s) on, under hardly any force."""
-    top = int(np.argmax(np.abs(test.force)))
-    before = test.time[test.time < first]
-    if before.size <= top or crept * test.displacement[top] >= 0.0:
-        return False
-    inward = crept * trajectory.velocity(before) <= 0.0
-    begun = before[np.flatnonzero(inward)[-1]] if inward.any() else before[0]
-    return bool(lasted > _OUTLASTS * (first - begun))
+    return bool(third >= _FADES * second)
 
 
 def _corners(test: Test, fewer: Test, part: LevelStretch) -> tuple[float, float]:
@@ -291,48 +264,14 @@ def with_both_errors(tests: Sequence[Test], phases: Sequence[Sequence[Phase]]) -
     secants = [_first_secant(test) for test, some in zip(tests, loaded, strict=True) if some.any()]
     if not secants:
         return list(tests)
-    stiffness = max(largest_stiffness(tests), *secants)
-    curve = _elastic_curve(tests, phases)
-    read = []
+    stiffness, read = max(largest_stiffness(tests), *secants), []
     for test, cut, some in zip(tests, phases, loaded, strict=True):
         force, which = test.force.copy(), phase_index(cut, test.time)
-        quick = stiffness * curve(test.displacement)
         for k in np.unique(which[some]):
-            inside = which == k
-            force[inside] -= quick[inside] - quick[inside][-1]
+            way = test.displacement[which == k]
+            force[which == k] -= stiffness * (way - way[-1])
         read.append(replace(test, force=force))
     return read
-
-
-def _elastic_curve(
-    tests: Sequence[Test], phases: Sequence[Sequence[Phase]]
-) -> Callable[[Array], Array]:
-    """Return the deepest ramp's force as a function of displacement, its last slope being one."""
-    ramps = []
-    for test, cut in zip(tests, phases, strict=True):
-        which = phase_index(cut, test.time)
-        for k in (k for k, phase in enumerate(cut) if phase.kind == "ramp"):
-            displacement, force = test.displacement[which == k], test.force[which == k]
-            if displacement.size >= _ON_A_CURVE and np.ptp(displacement) > 0.0:
-                ramps.append((float(np.max(np.abs(displacement))), displacement, force))
-    if not ramps:
-        return np.asarray
-    _, displacement, force = max(ramps, key=lambda ramp: ramp[0])
-    cubic = np.polynomial.Polynomial.fit(displacement, force, 3)
-    points = np.linspace(displacement.min(), displacement.max(), _POINTS)
-    values = np.maximum.accumulate(cubic(points))
-    end = int(np.argmax(np.abs(points)))
-    slope = float(cubic.deriv()(points[end]))
-    if not slope > 0.0:
-        return np.asarray
-
-    def curve(x: Array) -> Array:
-        beyond = x - np.clip(x, points[0], points[-1])
-        return np.asarray(
-            np.interp(x, points, values) / slope + np.where(beyond * points[end] > 0.0, beyond, 0.0)
-        )
-
-    return curve
 
 
 def _first_secant(test: Test) -> float:

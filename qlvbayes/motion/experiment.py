@@ -252,22 +252,22 @@ class Experiment:
 
         return batch([self.reduced(trial, errors=errors) for trial in trials])
 
-    def reduced(self, trial: Trial, some: Test | None = None, *, errors: bool = False) -> Record:
-        """Return the record of a trial; each of ``some`` of its samples is a block of its own."""
+    def reduced(
+        self, trial: Trial, samples: NDArray[np.intp] | None = None, *, errors: bool = False
+    ) -> Record:
+        """Return the record of a trial; each of ``samples`` of its readings is then a block."""
         from qlvbayes.motion.reduction import reduce_test  # which loads JAX
 
-        test = trial.test
         return reduce_test(
-            some or test,
+            trial.test,
             trial.trajectory,
             trial.phases,
             sd_scale=self.sd_scale,
             start=trial.whole.start_s - self.clock_zero,
             number=self.tests_before(trial),
-            blocks=some is None,
+            samples=samples,
             past=self.past(trial),
             fineness=self.fineness,
-            whole=test,
             approached=trial.approached,
             errors=errors,
         )

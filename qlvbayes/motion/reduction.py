@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 from scipy.special import ndtr
 
-from qlvbayes.io.arrays import Array
+from qlvbayes.io.arrays import Array, Mask
 from qlvbayes.io.data import Test
 from qlvbayes.laws.motion import Motion
 from qlvbayes.motion.noisefloor import NoiseFloor
@@ -59,39 +60,41 @@ def reduce_test(
     sd_scale: float = 1.0,
     start: float = 0.0,
     number: int = 0,
-    blocks: bool = True,
+    samples: NDArray[np.intp] | None = None,
     past: EarlierMotion | None = None,
     fineness: Fineness | None = None,
-    whole: Test | None = None,
     approached: bool = True,
     errors: bool = False,
 ) -> Record:
-    """Return the record of one test: block means, nodes, and the motion on a grid of times."""
-    whole = whole or test
-    begin = np.arange(test.time.size)
-    kept = np.ones(begin.size, dtype=bool)
-    touches, _ = _touches(trajectory.read_times(whole.time), trajectory)
-    edges = block_edges(phases, np.append(trajectory.kinks, touches), whole.time)
+    """Return the record of one test: block means, nodes, and the motion on a grid of times.
+
+    samples: indices of readings, each of which is then a block of its own.
+    """
+    time, read = test.time, trajectory.read_times(test.time)
+    touches = _touches(read, trajectory, test.contact_sd or 0.0)
+    edges = block_edges(phases, np.append(trajectory.kinks, touches[0]), time)
+    if samples is None:
+        doubtful = _doubtful(time, trajectory, phases)
+        rows, begin = np.arange(time.size), _beginnings(time, np.union1d(edges, doubtful))
+        kept = _outside(time, doubtful)[begin]
+    else:
+        rows, begin = samples, np.arange(samples.size)
+        kept = np.ones(begin.size, dtype=bool)
     # before single samples the motion is as fine as that of the block means
-    lead = edges[(edges > whole.time[0]) & (edges < test.time[0])]
-    if blocks:
-        doubtful = _doubtful(test.time, trajectory, phases)
-        edges = np.unique(np.concatenate([edges, *map(np.array, doubtful)]))
-        begin = _beginnings(test.time, edges)
-        kept = clear_of_kinks(test.time, trajectory, phases)[begin]
-    averaged = jax.tree.map(lambda x: held(np.asarray(x)[kept]), _average(test, begin, sd_scale))
-    centre, half = (x[kept] for x in _nodes(test.time, begin))
-    half = off_kinks(centre, half, whole.time, trajectory)
+    lead = edges[(edges > time[0]) & (edges < time[rows[0]])]
+    averaged = jax.tree.map(
+        lambda x: held(np.asarray(x)[kept]), _average(test, rows, begin, sd_scale)
+    )
+    centre, half = (x[kept] for x in _nodes(time[rows], begin))
+    half = off_kinks(centre, half, time, trajectory)
     nodes = np.stack([centre - half, centre + half])
     if fineness is not None:
         averaged = _with_errors(averaged, trajectory, centre, fineness)
-        rows, white = np.searchsorted(whole.time, test.time), fineness.floor.white
-        moments = whole.time, whole.force, begin, trajectory, white, rows
-        timing = timing_sd(*moments, contact_sd=whole.contact_sd or 0.0)[kept]
-        averaged = replace(averaged, timing=held(timing))
+        moments = time, test.force, begin, trajectory, fineness.floor.white
+        averaged = replace(averaged, timing=held(timing_sd(*moments, rows, touches)[kept]))
     chord = np.inf if fineness is None else fineness.chord
     begun = approached and (past is None or not past.stays)
-    first = float(trajectory.read_times(whole.time)[0])
+    first = float(read[0])
     lines, curves = (
         grid_times(
             trajectory, np.union1d(lead, nodes), first, chord=chord, begun=begun, curved=curved
@@ -105,12 +108,12 @@ def reduce_test(
     indices = np.searchsorted(grid, nodes).T
     wrong = None
     if errors:
-        read = np.isin(whole.time, trajectory.read_times(whole.time))
-        wrong = path_errors(whole.time[read], whole.displacement[read], trajectory, grid)
+        own = np.isin(time, read)
+        wrong = path_errors(time[own], test.displacement[own], trajectory, grid)
     if past is not None:
         motion, indices = _remembering(motion, past), indices + past.time.size
         before = ((0, 0), (past.time.size, 0))
-        wrong = jax.tree.map(lambda rows: held(np.pad(rows, before)), wrong)
+        wrong = jax.tree.map(lambda x: held(np.pad(x, before)), wrong)
     return Record(motion, held(indices), averaged, wrong)
 
 
@@ -157,39 +160,37 @@ def _beginnings(time: Array, edges: Array) -> NDArray[np.intp]:
     return np.flatnonzero(np.concatenate([[True], (np.diff(owner) > 0) | uneven]))
 
 
-def clear_of_kinks(time: Array, trajectory: Trajectory, phases: Sequence[Phase]) -> Array:
+def clear_of_kinks(time: Array, trajectory: Trajectory, phases: Sequence[Phase]) -> Mask:
     """Return False (n,) for samples so near a kink that their side of it is unknown."""
+    return _outside(time, _doubtful(time, trajectory, phases))
+
+
+def _outside(time: Array, stretches: Array) -> Mask:
     clear = np.ones(time.size, dtype=bool)
-    for low, high in _doubtful(time, trajectory, phases):
+    for low, high in stretches:
         clear &= (time < low) | (time > high)
     return clear
 
 
-def _doubtful(
-    time: Array, trajectory: Trajectory, phases: Sequence[Phase]
-) -> list[tuple[float, float]]:
-    """Return the stretches around kinks whose times the samples do not determine."""
+def _doubtful(time: Array, trajectory: Trajectory, phases: Sequence[Phase]) -> Array:
+    """Return the stretches (k, 2) around kinks whose times the samples do not determine."""
     time = trajectory.read_times(time)
     kinks, jumps = trajectory.kinks, trajectory.speed_jumps
     if kinks.size > _MOST_KINKS:
-        return []
+        return np.zeros((0, 2))
     if _begins_in_motion(trajectory):
         kinks = np.append(trajectory.knots[:1], kinks)
         jumps = np.append(np.abs(trajectory.start_velocity[:1]), jumps)
     lengths = np.array([phase.stop - phase.start for phase in phases])
-    ends = np.array([phase.stop for phase in phases])
-    stretches = []
-    for kink, jump in zip(kinks, jumps, strict=True):
-        index = min(int(np.searchsorted(ends, kink)), lengths.size - 1)
-        around = lengths[max(index - 1, 0) : index + 2].min()
-        at = int(np.clip(np.searchsorted(time, kink), 1, time.size - 1))
-        reach = _MARGIN * float(time[at] - time[at - 1])
-        if reach > _SPARED * around:
-            continue
-        if jump > 0.0:
-            reach += min(trajectory.resolution / jump, _SPARED * around)
-        stretches.append((kink - reach, kink + reach))
-    return stretches
+    index = np.minimum(np.searchsorted([phase.stop for phase in phases], kinks), lengths.size - 1)
+    around = minimum_filter1d(lengths, 3, mode="nearest")[index]
+    at = np.clip(np.searchsorted(time, kinks), 1, time.size - 1)
+    reach = _MARGIN * (time[at] - time[at - 1])
+    spared = reach <= _SPARED * around
+    with np.errstate(divide="ignore"):
+        unsure = np.where(jumps > 0.0, trajectory.resolution / jumps, 0.0)
+    reach += np.minimum(unsure, _SPARED * around)
+    return np.stack([kinks - reach, kinks + reach], axis=1)[spared]
 
 
 def _begins_in_motion(trajectory: Trajectory) -> bool:
@@ -225,14 +226,16 @@ def _remembering(motion: Motion, past: EarlierMotion) -> Motion:
     return replace(motion, **{name: held(np.concatenate(x)) for name, x in before.items()})
 
 
-def _average(test: Test, begin: NDArray[np.intp], sd_scale: float) -> Blocks:
-    count = np.diff(np.append(begin, test.time.size)).astype(float)
-    last = np.append(begin[1:], test.time.size) - 1
-    force = np.add.reduceat(test.force, begin) / count
+def _average(
+    test: Test, rows: NDArray[np.intp], begin: NDArray[np.intp], sd_scale: float
+) -> Blocks:
+    time, ends = test.time[rows], np.append(begin[1:], rows.size)
+    count = (ends - begin).astype(float)
+    force = np.add.reduceat(test.force[rows], begin) / count
     weight = None
     if test.force_sd is not None:
-        weight = np.sqrt(np.add.reduceat((test.force_sd / sd_scale) ** 2, begin) / count)
-    blocks = Blocks.of_means(force, count, test.time[begin], test.time[last], weight)
+        weight = np.sqrt(np.add.reduceat((test.force_sd[rows] / sd_scale) ** 2, begin) / count)
+    blocks = Blocks.of_means(force, count, time[begin], time[ends - 1], weight)
     return replace(blocks, tare=held(np.full(count.shape, test.tare_sd)))
 
 
@@ -274,30 +277,13 @@ def _intervals(at: Array, time: Array) -> Array:
     return np.asarray(np.minimum(step[after - 1], step[np.minimum(after, step.size - 1)]))
 
 
-def _touches(read: Array, trajectory: Trajectory, contact_sd: float = 0.0) -> tuple[Array, Array]:
+def _touches(read: Array, trajectory: Trajectory, contact_sd: float) -> tuple[Array, Array]:
     """Return the moments (k,) in s at which the platen passes the contact, and their sds."""
     way = trajectory.displacement(read)
     before = np.flatnonzero((way[:-1] < 0.0) & (way[1:] >= 0.0))
     step, passed = np.diff(read)[before], np.diff(way)[before]
     at = read[before] - way[before] / passed * step
     return at, np.hypot(_UNRESOLVED, contact_sd / passed) * step
-
-
-def _moment_doubt(time: Array, trajectory: Trajectory, contact_sd: float) -> Array:
-    """Return (p (1 - p))^1/2 of each reading at times (n,) in s, by the nearest kink or contact."""
-    read = trajectory.read_times(time)
-    kinks, sds = trajectory.kinks, kink_sds(read, trajectory)
-    if _begins_in_motion(trajectory):
-        kinks = np.append(trajectory.knots[:1], kinks)
-        sds = np.append(_UNRESOLVED * np.diff(read)[:1], sds)
-    touches, doubts = _touches(read, trajectory, contact_sd)
-    order = np.argsort(np.append(kinks, touches), kind="stable")
-    kinks, sds = np.append(kinks, touches)[order], np.append(sds, doubts)[order]
-    if not kinks.size:
-        return np.zeros(time.shape)
-    nearest = _nearest(kinks, time)
-    beyond = ndtr(-np.abs(time - kinks[nearest]) / sds[nearest])
-    return np.asarray(np.sqrt(beyond * (1.0 - beyond)))
 
 
 def _nearest(kinks: Array, at: Array) -> NDArray[np.intp]:
@@ -312,10 +298,12 @@ def timing_sd(
     trajectory: Trajectory,
     white: float,
     rows: NDArray[np.intp] | None = None,
-    *,
-    contact_sd: float = 0.0,
+    touches: tuple[Array, Array] = (np.zeros(0), np.zeros(0)),
 ) -> Array:
     r"""Return the sd (B,) in N of block means that uncertain times cause.
+
+    time, force: of all readings (n,); begin: the first of each block (B,), of the readings that
+    ``rows`` names where not all are in blocks; touches: when the contact is passed, and the sds.
 
     A reading at a distance d from a kink of the motion, or from the contact, where what acts on the
     specimen alone begins, of which both together are known to within sigma, lies beyond it with the
@@ -335,7 +323,17 @@ def timing_sd(
         jumps[1:-1] = 2.0 * np.abs(force[1:-1] - line)
         jumps[-1] = abs(force[-1] - force[-2])
     jumps = np.sqrt(np.maximum(jumps**2 - _OFF_THE_LINE * white**2, 0.0))
-    kink = _moment_doubt(time, trajectory, contact_sd) * jumps
+    read, kinks = trajectory.read_times(time), trajectory.kinks
+    sds = kink_sds(read, trajectory)
+    if _begins_in_motion(trajectory):
+        kinks = np.append(trajectory.knots[:1], kinks)
+        sds = np.append(_UNRESOLVED * np.diff(read)[:1], sds)
+    kinks, sds = np.append(kinks, touches[0]), np.append(sds, touches[1])
+    order, kink = np.argsort(kinks, kind="stable"), np.zeros(time.shape)
+    if kinks.size:
+        nearest = order[_nearest(kinks[order], time)]
+        beyond = ndtr(-np.abs(time - kinks[nearest]) / sds[nearest])
+        kink = np.sqrt(beyond * (1.0 - beyond)) * jumps
     clock = (trajectory.clock_sd * np.gradient(force, time)) ** 2
     if rows is not None:
         kink, clock = kink[rows], clock[rows]

@@ -17,7 +17,6 @@ from qlvbayes.diagnosis.checks.strengths import agreement, pooled, strengths
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Imitation
 from qlvbayes.effects.catalogue import find
-from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_mode, find_modes
 from qlvbayes.io.data import Pad, Test
@@ -228,7 +227,7 @@ def test_samples_in_parts_are_predicted_as_all_of_them_together(elastic):
     samples = Samples.from_experiment(experiment, space)
     assert len(samples.parts) > 1
     records = [
-        single_samples(experiment, trial, rows)
+        experiment.reduced(trial, rows)
         for trial, rows in zip(experiment.trials, samples.rows, strict=True)
     ]
     together = space.forces(hypothesis, constants, batch(records))

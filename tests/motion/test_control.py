@@ -64,6 +64,15 @@ def recorded(program, seed=0, constants=B, noise=CORRELATED, closed_loop=False):
     return as_read(found), loaded
 
 
+def stated(program, seed=0, constants=B, closed_loop=True):
+    """A test whose file says when the force was prescribed: at its end."""
+    test, loaded = recorded(program, seed, constants, closed_loop=closed_loop)
+    begun, end = float(test.time[loaded][0]), float(test.time[-1])
+    return replace(
+        test, changes=(Prescribed(DISPLACEMENT, 0.0, begun), Prescribed(FORCE, begun, end))
+    )
+
+
 def pressed(program, seed=0, constants=B, rows=400):
     rng = np.random.default_rng(seed)
     return as_read(simulate_test(constants, program, CORRELATED, rng).thinned(rows))
@@ -99,7 +108,6 @@ def described(phases):
 
 
 PRESSED = [("ramp", DISPLACEMENT), ("hold", FORCE), ("unload", DISPLACEMENT)]
-RECOVERED = [*((kind, DISPLACEMENT) for kind in FOUR[:3]), ("recovery", FORCE)]
 
 
 def test_the_model_gives_prescribed_and_simulated_forces_back(paper_model):
@@ -160,12 +168,11 @@ def test_a_drive_that_slows_down_for_long_and_rests_holds_no_force(paper_model):
 
 
 @LOOPS
-@pytest.mark.parametrize(("program", "expected"), [(PRESS, PRESSED), (RECOVER, RECOVERED)])
-@pytest.mark.few(2)
-def test_phases_have_the_control_that_they_had(program, expected, closed_loop):
-    test, loaded = recorded(program, closed_loop=closed_loop)
+@pytest.mark.few(1)
+def test_phases_have_the_control_that_they_had(closed_loop):
+    test, loaded = recorded(PRESS, closed_loop=closed_loop)
     phases = phases_of(test)
-    assert described(phases) == expected
+    assert described(phases) == PRESSED
     (held,) = (phase for phase in phases if phase.control == FORCE)
     inside = (test.time >= held.start) & (test.time <= held.stop)
     # the ends are known as well as the force tells them from its noise
@@ -233,7 +240,7 @@ def test_the_motion_does_not_swing_between_sparse_readings_and_follows_the_creep
         (lambda: (creep(loop=True), creep(creep_protocol(0.5), seed=1)), 1.6),
         (lambda: recorded(PRESS, closed_loop=True)[:1], 1.6),
         # at no force the controller cannot pull: taken rather for too large than for too small
-        (lambda: recorded(RECOVER, closed_loop=True)[:1], 2.0),
+        (lambda: [stated(RECOVER)], 2.0),
     ],
     ids=["weights", "closed loop", "pause", "recovery"],
 )
@@ -258,7 +265,7 @@ def test_of_an_exact_force_the_displacement_tells_the_noise():
 
 
 def test_only_where_the_force_is_prescribed_the_displacement_adds_noise():
-    test, _ = recorded(RECOVER, closed_loop=True)
+    test = stated(RECOVER)
     (trial,) = made_ready(test, all_tests=True).trials
     (read,) = with_both_errors([test], [trial.phases])
     before = test.time < trial.phases[-1].start
@@ -315,6 +322,8 @@ def test_a_column_that_says_it_for_some_rows_only_or_in_other_words_is_refused(
 
 
 def test_what_the_file_says_counts():
+    recovered = [("ramp", DISPLACEMENT), ("hold", DISPLACEMENT), ("recovery", FORCE)]
+    assert described(phases_of(stated(RECOVER))) == recovered
     test, _ = recorded(PRESS)
     assert {p.control for p in phases_of(replace(test, control=DISPLACEMENT))} == {DISPLACEMENT}
     said = Prescribed(FORCE, 0.0, 5.0), Prescribed(DISPLACEMENT, 5.0, float(test.time[-1]))
@@ -338,10 +347,13 @@ def creeps(constants, seed, loop=False):
 def pauses(constants, seed, loop=False):
     """Two presses to a force, and one recovery at no force."""
     peak = float(constants.force(np.array([1.2]))[0])
-    programs = press_and_pause(peak, 1.0, 10.0), press_and_pause(0.5 * peak, 5.0, 10.0), RECOVER
+    programs = press_and_pause(peak, 1.0, 10.0), press_and_pause(0.5 * peak, 5.0, 10.0)
     return [
-        recorded(program, [seed, k], constants, closed_loop=loop)[0]
-        for k, program in enumerate(programs)
+        *(
+            recorded(program, [seed, k], constants, closed_loop=loop)[0]
+            for k, program in enumerate(programs)
+        ),
+        stated(RECOVER, [seed, 2], constants, closed_loop=loop),
     ]
 
 

@@ -16,7 +16,6 @@ from support.solids import made_ready
 from qlvbayes import InputError
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.fitting.optimum import find_start
-from qlvbayes.fitting.prediction import single_samples
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import PAD
@@ -121,7 +120,7 @@ def modelled(experiment, since):
     """Times after ``since``, and the model's force there."""
     (trial,) = experiment.trials
     rows = np.flatnonzero(trial.test.time > since)[::20]
-    record = single_samples(experiment, trial, rows)
+    record = experiment.reduced(trial, rows)
     model = Model(Exponential(B.m, B.b), Prony(jnp.array(B.c), jnp.array(B.v)), False)
     return trial.test.time[rows], record.average(model.force(record.motion))
 

@@ -73,7 +73,7 @@ def test_every_sample_clear_of_kinks_is_in_exactly_one_block_of_one_phase(record
 
 def test_unreduced_samples_are_kept_as_they_are(record):
     test, trajectory, phases = record(20.0)
-    kept = reduce_test(test, trajectory, phases, blocks=False)
+    kept = reduce_test(test, trajectory, phases, samples=np.arange(test.time.size))
     assert np.array_equal(kept.blocks.force, test.force)
     assert np.all(kept.blocks.count == 1.0)
     nodes = np.asarray(kept.motion.time)[np.asarray(kept.nodes)]
@@ -182,7 +182,9 @@ def of_samples(noise, samples, rows):
 
 def estimate(noise, record, blocks):
     """Shift (P,) of the constants' estimates from the truth, and their sds, to first order."""
-    predictor, theta = model_over(reduce_test(*record, blocks=blocks))
+    predictor, theta = model_over(
+        reduce_test(*record, samples=None if blocks else np.arange(record[0].time.size))
+    )
     constants, force, slopes = predictor.space.forces_and_slopes(predictor.hypothesis, theta)
     steps = constants[1:, :7] - constants[0, :7]
     to_constants = (steps / (STEP * predictor.parameters.length)[:, None]).T

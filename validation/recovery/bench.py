@@ -99,7 +99,7 @@ def _path(rate: float, back: float) -> Trajectory:
 def _record(path: Trajectory, start: float) -> Record:
     time = _times(path)
     test = Test("", "", time, path.displacement(time), np.zeros_like(time))
-    return reduce_test(test, path, find_phases(path), start=start, blocks=False)
+    return reduce_test(test, path, find_phases(path), start=start, samples=np.arange(time.size))
 
 
 def _times(path: Trajectory) -> np.ndarray:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.fitting.marginal_likelihood import with_zero_errors
-from qlvbayes.fitting.prediction import Contacts, representative_rows, single_samples
+from qlvbayes.fitting.prediction import Contacts, representative_rows
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.separation import DiscrepancyOfSize
 from qlvbayes.inference.forward.hypothesis import Hypothesis
@@ -174,7 +174,7 @@ def _part(
 ) -> Record:
     """Return the record of one part; a test with no samples in it is filled with its first two."""
     records = [
-        single_samples(experiment, trial, own[some] if some.size else own[:2])
+        experiment.reduced(trial, own[some] if some.size else own[:2])
         for trial, own, some in zip(experiment.trials, rows, indices, strict=True)
     ]
     return batch(records, like)

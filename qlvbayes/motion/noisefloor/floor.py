@@ -68,49 +68,35 @@ class Dwells:
         the density of both; Veach & Guibas 1995): where the dwells say little, nothing near the
         mode reaches what they leave open. -inf for log ratio is white noise alone.
         """
-        points, density = self._proposed()
-        inside = np.all((points >= self.bounds[0]) & (points <= self.bounds[1]), axis=1)
-        points, count = points[inside], density.size
-        likelihoods = [self.pool.likelihood(r, log_tau) for r, log_tau in points.tolist()]
-        logs, variances = np.array(likelihoods).T
-        weights = np.exp(logs - self.best) * self._prior(points) / density[inside]
-        if not self.correlated:  # and white noise alone, as likely a priori
-            log_white, variance = self.pool.of_white
-            points = np.concatenate([points, [[-np.inf, self.prior_log_tau]]])
-            variances = np.append(variances, variance)
-            weights = np.append(weights, count * np.exp(log_white - self.best))
-        return points, variances, weights / weights.sum()
-
-    def _proposed(self) -> tuple[Array, Array]:
-        """Return points (n, 2) about the mode and all over the prior, and their density."""
-        from scipy.stats import qmc, truncnorm
+        from scipy.stats import chi2, norm, qmc, truncnorm
 
         mode, root = np.array([self.ratio, self.tau]), self._spread()
-        near = mode + _student_t(qmc.Sobol(3, seed=0).random(_POINTS)) @ root.T
+        uniform = np.clip(qmc.Sobol(3, seed=0).random(_POINTS), 1e-4, 1.0 - 1e-4)
+        width = np.sqrt(_HEAVY / chi2.ppf(uniform[:, 2:], _HEAVY))
+        near = mode + (norm.ppf(uniform[:, :2]) * width) @ root.T
         middle, sds = np.array([0.0, self.prior_log_tau]), np.array([_RATIO_SD, _TAU_SD])
         prior = truncnorm(*((self.bounds - middle) / sds), loc=middle, scale=sds)
         drawn = prior.ppf(qmc.Sobol(2, seed=0).random(_PRIOR_POINTS))
         points = np.concatenate([near, np.clip(drawn, *self.bounds)])
+        inside = np.all((points >= self.bounds[0]) & (points <= self.bounds[1]), axis=1)
+        points = points[inside]
         z = np.linalg.solve(root, (points - mode).T)
         peak = 2.0 * np.pi * abs(float(np.linalg.det(root)))
         about = (1.0 + np.sum(z**2, axis=0) / _HEAVY) ** (-0.5 * (_HEAVY + 2.0)) / peak
         density = _POINTS * about + _PRIOR_POINTS * prior.pdf(points).prod(axis=1)
-        return points, density / len(points)
-
-    def _prior(self, points: Array) -> Array:
-        """Return the density (n,) of (log ratio, log tau), which are independent normals."""
-        ratio, tau = points.T
-        exponent = self._log_prior(tau) - 0.5 * (ratio / _RATIO_SD) ** 2
-        return np.asarray(np.exp(exponent) / (2.0 * np.pi * _RATIO_SD * _TAU_SD))
-
-    def _log_prior(self, tau: Array) -> Array:
-        return -0.5 * ((tau - self.prior_log_tau) / _TAU_SD) ** 2
+        logs, variances = np.array([self.pool.likelihood(*point) for point in points.tolist()]).T
+        weights = np.exp(logs - self.best) * norm.pdf(points, middle, sds).prod(axis=1) / density
+        if not self.correlated:  # and white noise alone, as likely a priori
+            log_white, variance = self.pool.of_white
+            points = np.concatenate([points, [[-np.inf, self.prior_log_tau]]])
+            variances = np.append(variances, variance)
+            weights = np.append(weights, np.exp(log_white - self.best))
+        return points, variances, weights / weights.sum()
 
     def loss(self, at: Array) -> float:
         """Return minus the log posterior at (log ratio, log tau), up to a constant."""
-        return -self.pool.likelihood(float(at[0]), float(at[1]))[0] - float(
-            self._log_prior(np.asarray(at[1]))
-        )
+        prior = -0.5 * ((at[1] - self.prior_log_tau) / _TAU_SD) ** 2
+        return -self.pool.likelihood(float(at[0]), float(at[1]))[0] - float(prior)
 
     def _spread(self) -> Array:
         """Square root (2, 2) of the covariance at the mode; wide in directions left open."""
@@ -128,16 +114,6 @@ class Dwells:
         values, vectors = np.linalg.eigh(curvature)
         sds = 1.2 / np.sqrt(np.maximum(values, (1.2 / _WIDEST) ** 2))
         return np.asarray(vectors * sds)
-
-
-def _student_t(uniform: Array) -> Array:
-    """Return draws (n, 2) of a bivariate Student-t from uniform ones (n, 3)."""
-    from scipy.stats import chi2
-    from scipy.stats import t as student
-
-    clipped = np.clip(uniform, 1e-4, 1.0 - 1e-4)
-    normal = student.ppf(clipped[:, :2], 1e9)
-    return np.asarray(normal * np.sqrt(_HEAVY / chi2.ppf(clipped[:, 2:], _HEAVY)))
 
 
 def prior_log_tau(longest: float) -> float:
@@ -201,14 +177,12 @@ class NoiseFloor:
 
     def draws(self, count: int) -> list[NoiseFloor]:
         """Return equally likely noise floors given the dwells (the same at every call)."""
-        return [self] * count if self.dwells is None else self._chosen(count, 1.0)[0]
+        return [self] * count if self.dwells is None else self.weighted(count, 1.0)[0]
 
-    def weighted(self, count: int) -> tuple[list[NoiseFloor], Array]:
-        """Return noise floors, unlikely ones too, with weights (count,) of sum 1."""
-        return ([self], np.ones(1)) if self.dwells is None else self._chosen(count, 0.5)
-
-    def _chosen(self, count: int, power: float) -> tuple[list[NoiseFloor], Array]:
-        assert self.dwells is not None
+    def weighted(self, count: int, power: float = 0.5) -> tuple[list[NoiseFloor], Array]:
+        """Return floors drawn by a power of their probability, with weights (count,) of sum 1."""
+        if self.dwells is None:
+            return [self], np.ones(1)
         draws, weights = self.dwells.chosen(count, power)
         every = [replace(self, white=sd, ou=ou, tau=tau) for sd, ou, tau in draws.tolist()]
         return [one.rounded() for one in every], weights

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
-from qlvbayes.fitting.prediction import representative_rows, single_samples
+from qlvbayes.fitting.prediction import representative_rows
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad, read_measurements
@@ -165,7 +164,7 @@ def _planned(pad: ExportedPad, reach: Covered, rate: float) -> _MotionRun:
 
 def _tested(pad: ExportedPad, tests: Experiment) -> list[_MotionRun]:
     samples = [representative_rows(trial) for trial in tests.trials]
-    records = map(partial(single_samples, tests), tests.trials, samples)
+    records = map(tests.reduced, tests.trials, samples)
     mean = eqx.filter_vmap(lambda model, x: x.average(model.force(x.motion)), in_axes=(None, 0))
     averages = np.asarray(eqx.filter_jit(mean)(pad.model, batch(list(records))))
     runs = []
