@@ -144,8 +144,8 @@ def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:
     from qlvbayes.io.files import stem_of
     from qlvbayes.io.tidy import joined
     from qlvbayes.pipeline.source import files_at, is_tidy
-    from qlvbayes.plots.conversion import plot_conversion
     from qlvbayes.plots.files import save_figure
+    from qlvbayes.plots.look import plot_conversion
 
     files = [file for path in inputs.paths for file in files_at(path)]
     if output.resolve() in [file.resolve() for file in files]:

@@ -31,7 +31,7 @@ from qlvbayes.simulate import (
     thin,
 )
 from qlvbayes.simulate.motion import Motion, Piece, Track
-from qlvbayes.use.prescribed.text import parse
+from qlvbayes.use.prescribed.program import parse
 
 _PAUSE_S = 120.0  # between tests that no file has
 _ROWS = 500  # of such a test

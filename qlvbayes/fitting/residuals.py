@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from math import inf
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -57,6 +58,12 @@ class Cell(Part, frozen=True, rename=KEYS):
     limit: float | None = None
     # sd (N) of the noise of these readings, where the file states an sd of each
     noise: float | None = None
+
+
+def over_floor(cell: Any, floor: float) -> float:
+    """Return the error of a phase over the noise of its readings, by default a floor."""
+    noise = floor if cell.noise is None else cell.noise
+    return float(cell.rmse / noise) if noise > 0.0 else inf
 
 
 class Cycle(Part, frozen=True, rename=KEYS):

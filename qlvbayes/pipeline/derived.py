@@ -179,7 +179,7 @@ def draw_forces_at_rates(out: Path) -> list[Path]:
     if len({pad.units for pad in pads}) > 1:
         return []
     from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.forces_at_rates import plot_forces_at_rates
+    from qlvbayes.plots.timeline import plot_forces_at_rates
 
     predictions: Any = {one.pad: [] for one in pads}
     for pad, test in ((one.pad, test) for one in pads for test in one.tests):

@@ -62,7 +62,7 @@ def design_into(
         raise InputError(f"--minutes is {minutes:g}", remedy="give it above 0")
     # imported here, so that other commands do not wait for matplotlib
     from qlvbayes.plots.files import save_figure
-    from qlvbayes.plots.next_tests import plot_next_tests
+    from qlvbayes.plots.prediction import plot_next_tests
 
     folder = out / pad
     with (watcher or Watcher()).doing(f"pad {pad}") as report, one_blas_thread():

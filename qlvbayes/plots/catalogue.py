@@ -73,6 +73,7 @@ FIGURES = (
         "check",
         "Force against time at slow, middle and fast loading, measured and predicted.",
         "Dots inside the band are predicted to within the noise.",
+        file="timeline",
     ),
     Figure(
         "residuals_before_after",
@@ -98,6 +99,7 @@ FIGURES = (
         "Error of {of} after each step, fitted and on parts left out, against the noise floor.",
         "Each step down is an effect that was added; at the noise nothing is left to explain.",
         lambda diagnosis: (diagnosis.result,),
+        file="evidence",
     ),
     Figure(
         "forces_before_after",
@@ -116,7 +118,7 @@ FIGURES = (
         "effect grows with it. Dots on both sides of zero: something else looks like it.",
         lambda diagnosis: (diagnosis.result,),
         lambda diagnosis: bool(diagnosis.result.strengths),
-        file="error_staircase",
+        file="evidence",
     ),
     Figure(
         "pairs",
@@ -124,6 +126,7 @@ FIGURES = (
         "Joint posterior of the constants of {of}, two at a time.",
         "A slanted cloud: only a combination of the two constants is known well.",
         lambda fit, experiment: (fit,),
+        file="constants",
     ),
     Figure(
         "programme",
@@ -131,6 +134,7 @@ FIGURES = (
         "Displacement against time of every test of {of}.",
         "How the pad was pressed: steeper is faster, level is held.",
         lambda fit, experiment: (experiment,),
+        file="timeline",
     ),
     Figure(
         "constants",
@@ -153,9 +157,9 @@ FIGURES = (
         "Above what is prescribed, beneath the answer: the bands hold 50 and 90 % of the draws.",
         lambda forecast: (forecast,),
     ),
-    Figure("next_tests", "design"),
+    Figure("next_tests", "design", file="prediction"),
     Figure("look", "look"),
-    Figure("conversion", "look -o"),
+    Figure("conversion", "look -o", file="look"),
 )
 """All figures, those of one command together; the report keeps the first where it grows large."""
 

@@ -35,8 +35,12 @@ class FitResults:
     folder: Path
     summary: FitSummary | None
     check: CheckResult | None
-    curves: Curves | None
     facts: dict  # the attributes of ``posterior.nc``
+
+    @property
+    def curves(self) -> Curves | None:
+        """Curves of the tests, which only a pad's own page reads."""
+        return read_if_there(Curves, self.folder / "curves.json")
 
     @property
     def effects(self) -> list[str]:
@@ -183,8 +187,7 @@ def _model(folder: Path) -> FitResults:
     if summary is None and draws.exists():
         summary, described = summary_of_draws(draws)
         facts = described | facts
-    check = read_if_there(CheckResult, folder / "check.json")
-    return FitResults(folder, summary, check, read_if_there(Curves, folder / "curves.json"), facts)
+    return FitResults(folder, summary, read_if_there(CheckResult, folder / "check.json"), facts)
 
 
 def _compared(folder: Path) -> Compared:

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from math import inf, log
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.fitting.residuals import Cell, CheckResult
+from qlvbayes.fitting.residuals import Cell, CheckResult, over_floor
 from qlvbayes.io.wording import capitalized, joined, number, with_unit
 from qlvbayes.motion.phases import NAMES
-from qlvbayes.plots.cellmap import over_floor
 
 _DARKEST = 10.0  # times the noise, from where on a cell is as dark as can be
 

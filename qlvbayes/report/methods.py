@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from qlvbayes.comparison.contrast import DECIDED, EQUAL
 from qlvbayes.fitting.summary import FitSummary
@@ -17,56 +17,30 @@ from qlvbayes.report.collect import PadResults, Results
 from qlvbayes.report.settings import settings_rows
 
 
-@dataclass(frozen=True)
-class Basis:
-    """Data, sampler and priors on which one pad's constants rest."""
-
-    pad: str
-    fitted: str
-    sampler: str
-    noise: str
-    priors: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class Methods:
-    """Model, inference and provenance of the results."""
-
-    law: str
-    relaxation: str
-    contact: str
-    noise: str
-    effects: tuple[str, ...]
-    settings: list[tuple[str, str]]
-    comparisons: str
-    bases: tuple[Basis, ...]
-    sources: tuple[tuple[str, str], ...]
-    seeds: str
-    versions: tuple[tuple[str, str], ...]
-    commands: tuple[str, ...]
-
-
-def methods_of(results: Results) -> Methods:
-    """Return what lies in ``posterior.nc`` and ``run.json``, as far as they are there."""
+def methods_of(results: Results) -> dict[str, Any]:
+    """Return model, inference and provenance, as far as the results' files say them."""
     choices = _choices(results)
+    law, relaxation = _laws(choices)
+    noise = str(choices.get("noise", DASH))
     runs = list(results.runs.values())
     facts = [pad.final.facts for pad in results.pads]
     seeds = {str(int(f["seed"])) for f in facts if "seed" in f} | {str(run.seed) for run in runs}
-    return Methods(
-        *_laws(choices),
-        "bonded: the specimen can pull"
+    return {
+        "law": law,
+        "relaxation": relaxation,
+        "contact": "bonded: the specimen can pull"
         if choices.get("bonded")
         else "loose: the pad cannot pull, so that its force is never negative",
-        NOISES[noise].words if (noise := str(choices.get("noise", DASH))) in NOISES else noise,
-        tuple(sorted({e for pad in results.pads for e in pad.final.effects})),
-        _settings(results),
-        _comparisons(results),
-        tuple(_basis(pad) for pad in results.pads),
-        tuple(sorted(_sources(results))),
-        ", ".join(sorted(seeds)) or DASH,
-        tuple(_versions(results).items()),
-        tuple(run.command for run in runs) or _commands(results),
-    )
+        "noise": NOISES[noise].words if noise in NOISES else noise,
+        "effects": sorted({e for pad in results.pads for e in pad.final.effects}),
+        "settings": _settings(results),
+        "comparisons": _comparisons(results),
+        "bases": [_basis(pad) for pad in results.pads],
+        "sources": sorted(_sources(results)),
+        "seeds": ", ".join(sorted(seeds)) or DASH,
+        "versions": list(_versions(results).items()),
+        "commands": [run.command for run in runs] or _commands(results),
+    }
 
 
 def _laws(choices: dict) -> tuple[str, str]:
@@ -158,15 +132,16 @@ def _commands(results: Results) -> tuple[str, ...]:
     return (as_typed(*words),)
 
 
-def _basis(pad: PadResults) -> Basis:
-    facts, summary = pad.final.facts, pad.final.summary
-    return Basis(
-        pad.name,
-        ", ".join(json.loads(facts["fitted_tests"])) if "fitted_tests" in facts else DASH,
-        _sampler(facts, summary),
-        with_unit(number(pad.noise), pad.force_unit) if pad.noise is not None else DASH,
-        tuple(json.loads(facts["priors"]).items()) if "priors" in facts else (),
-    )
+def _basis(pad: PadResults) -> dict[str, Any]:
+    """Return data, sampler and priors on which one pad's constants rest."""
+    facts, noise = pad.final.facts, pad.noise
+    return {
+        "pad": pad.name,
+        "fitted": ", ".join(json.loads(facts["fitted_tests"])) if "fitted_tests" in facts else DASH,
+        "noise": DASH if noise is None else with_unit(number(noise), pad.force_unit),
+        "sampler": _sampler(facts, pad.final.summary),
+        "priors": json.loads(facts.get("priors", "{}")),
+    }
 
 
 def _sampler(facts: dict, summary: FitSummary | None) -> str:

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
 from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from qlvbayes.diagnosis.phrases import parts, stage_name
+from qlvbayes.diagnosis.phrases import BADGES, parts, shown_effects, stage_name
 from qlvbayes.fitting.relaxation import RelaxationReport
+from qlvbayes.fitting.residuals import over_floor
 from qlvbayes.io import wording
 from qlvbayes.io.files import write_whole
-from qlvbayes.io.wording import NBSP, as_typed, joined
+from qlvbayes.io.wording import NBSP, as_typed, joined, to_sd
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.running import FailedError, run_all
 from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.report import questions
 from qlvbayes.report.collect import (
+    MARKS,
     PadResults,
     Results,
     collect,
@@ -32,31 +34,15 @@ from qlvbayes.report.collect import (
     runs_in,
 )
 from qlvbayes.report.errors import repeated
-from qlvbayes.report.figures import Embedder, Picture, chart_of
+from qlvbayes.report.figures import Embedder, chart_of
 from qlvbayes.report.methods import exports_of, methods_of, source_name, uses_of
-from qlvbayes.report.overview import is_older, overview_row, shown_constants
-from qlvbayes.report.verdicts import Box, answers, verdict_box
+from qlvbayes.report.verdicts import answers, verdict_box
 
 _PAD_FIGURES = [one.name for one in FIGURES if one.shows and one.takes is not None]
 REPORT = "report.html"
 MOST_ON_A_PAGE = 24
 """Pads whose figures are on one page; of more there is a table."""
-
-
-@dataclass(frozen=True)
-class PadView:
-    """A pad as the page shows it, with its results; what was not done is None."""
-
-    results: PadResults
-    box: Box
-    chart: dict | None
-    shifts: questions.Shifts | None
-    figures: dict[str, Picture | None]
-    relaxation: tuple[str, ...]
-
-    def __getattr__(self, name: str) -> object:
-        """Return what its results have."""
-        return getattr(self.results, name)
+_CONSTANTS = 12  # columns of constants in that table: those of most pads come first
 
 
 def page(results: Results) -> str:
@@ -69,7 +55,11 @@ def page(results: Results) -> str:
     return _template().render(
         title=_title(results),
         source=source_name(results),
-        pads=[_view(pad, embed) for pad in results.pads],
+        pads=results.pads,
+        pictures={
+            pad.folder: {name: embed(pad.folder, name, pad.title) for name in _PAD_FIGURES}
+            for pad in results.pads
+        },
         answers=answers(results, remedies),
         constants=questions.constants_in_units(results.pads),
         meanings=questions.meanings(results.pads),
@@ -79,17 +69,6 @@ def page(results: Results) -> str:
         uses=uses_of(results),
         exports=exports_of(results),
         remedies=remedies,
-    )
-
-
-def _view(pad: PadResults, embed: Embedder) -> PadView:
-    return PadView(
-        pad,
-        verdict_box(pad),
-        chart_of(pad),
-        questions.shifts_of(pad),
-        {name: embed(pad.folder, name, pad.title) for name in _PAD_FIGURES},
-        _relaxation(pad),
     )
 
 
@@ -129,7 +108,8 @@ def _template(name: str = "report"):  # type: ignore[no-untyped-def]
     )
     environment.globals |= {
         "asset": _asset, "phase_names": NAMES, "repeated": repeated, "stage_name": stage_name,
-        "parts_of": parts,
+        "parts_of": parts, "box_of": verdict_box, "chart_of": chart_of,
+        "shifts_of": questions.shifts_of, "relaxation_of": _relaxation,
         "compared_words": questions.compared_words, "diagnosis_words": questions.diagnosis_words,
         "answer_kinds": questions.KINDS, "ends": wording.ends,
     }  # fmt: skip
@@ -177,17 +157,22 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     if len(folders := pad_folders(folder)) <= MOST_ON_A_PAGE:
         write_whole(path, page(collect(folder)).encode())
         return path
-    old = [one for one in folders if is_older(one / REPORT, one)]
+    old = [one for one in folders if _is_older(one / REPORT, one)]
     shared = engine if engine is not None and engine.shares_disk else None
     for outcome in run_all(partial(_write_own, folder), old, shared):
         if outcome.fault is not None:
             raise FailedError([outcome.fault], 1)
-    rows = [overview_row(one) for one in folders]
+    rows = [_overview_row(pad_in(one)) for one in folders]
     text = _template("overview").render(
         title=f"{len(folders)} pads",
         rows=rows,
-        verdicts=Counter(row.verdict for row in rows).most_common(),
-        constants=shown_constants(rows),
+        verdicts=Counter(row["verdict"] for row in rows).most_common(),
+        constants=[
+            name
+            for name, _ in Counter(n for row in rows for n in row["constants"]).most_common(
+                _CONSTANTS
+            )
+        ],
         commands=[run.command for run in runs_in(folder).values()],
     )
     write_whole(path, text.encode())
@@ -198,3 +183,38 @@ def _write_own(out: Path, folder: Path) -> None:
     """Write the page of one pad of many into its own folder."""
     results = Results(folder, (pad_in(folder),), (), runs_in(out))
     write_whole(folder / REPORT, page(results).encode())
+
+
+def _is_older(page: Path, folder: Path) -> bool:
+    """Return whether a pad's page is missing, or older than its results."""
+    if not page.exists():
+        return True
+    made = page.stat().st_mtime_ns
+    return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
+
+
+def _overview_row(pad: PadResults) -> dict[str, Any]:
+    """Return what the table of many pads says of one.
+
+    ``constants`` are medians by name, as they are shown and as values to sort by.
+    """
+    check, d = pad.final.check, pad.diagnosis
+    worst = (
+        max((over_floor(cell, check.noise) for cell in check.cells), default=None)
+        if check
+        else None
+    )
+    return {
+        "pad": pad.name,
+        "folder": pad.folder.name,
+        "fluid": pad.fluid or "",
+        "verdict": BADGES[d.verdict] if d else "not diagnosed",
+        "named": ", ".join(shown_effects(d)) if d else "",
+        "fails": len(check.failing) if check else None,  # phases with structure beyond noise
+        "worst": "" if worst is None else wording.number(worst, 2),
+        "constants": {
+            f"{name} ({c.unit})" if c.unit != "1" else name: (to_sd(c.median, c.sd), c.median)
+            for name, c in pad.parameters.items()
+            if not name.startswith("noise.")
+        },
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any
 
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.effects.catalogue import find
@@ -30,17 +30,6 @@ _INDEXED = re.compile(r"([cv])\[(\d+)\]")
 _SMALLEST_CHANGE = 0.005  # smallest relative change that is worth a word
 KINDS = {"greater": "differs", "less": "differs", "equal": "equal", "cannot tell": "open"}
 """Every answer of a comparison as the page marks it."""
-
-
-class Shifts(NamedTuple):
-    """Changes of one pad's constants where the named effects are left out.
-
-    ``rows`` has each constant before and after with its relative change in words.
-    """
-
-    effects: str
-    rows: list[tuple[str, Constant, Constant, str]]
-    words: str
 
 
 def seen(name: str) -> str:
@@ -119,8 +108,11 @@ def _doubt(pad: PadResults) -> str:
     return " But the model fails (question 3): these are constants of a wrong model."
 
 
-def shifts_of(pad: PadResults) -> Shifts | None:
-    """Return how the constants moved when the named effects came in."""
+def shifts_of(pad: PadResults) -> dict[str, Any] | None:
+    """Return how the constants moved when the named effects came in.
+
+    ``rows`` has each constant before and after with its relative change in words.
+    """
     if pad.baseline is None or pad.baseline.effects == pad.final.effects:
         return None
     came = [e for e in pad.final.effects if e not in pad.baseline.effects]
@@ -144,7 +136,7 @@ def shifts_of(pad: PadResults) -> Shifts | None:
     words = f"The model without {added} has {joined(changed)}" if changed else ""
     few = ". It was fitted to fewer tests, so that a part of this may be chance"
     fewer = pad.baseline.facts.get("all_tests") != pad.final.facts.get("all_tests")
-    return Shifts(added, rows, f"{words}{few * fewer}." if words else "")
+    return {"effects": added, "rows": rows, "words": f"{words}{few * fewer}." if words else ""}
 
 
 def _alike(summary: FitSummary | None, reshaped: bool) -> dict[str, Constant]:

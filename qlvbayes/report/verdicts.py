@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from qlvbayes.diagnosis.phrases import BADGES, answer, box_line, model_name, parts, shown_effects
 from qlvbayes.diagnosis.result import DiagnosisResult
@@ -16,74 +16,52 @@ from qlvbayes.report.errors import ErrorTable, where
 from qlvbayes.report.questions import constants_words, in_a_line, seen
 
 
-@dataclass(frozen=True)
-class Box:
-    """The verdict on one pad, which the page begins with.
+def verdict_box(pad: PadResults) -> dict[str, Any]:
+    """Return the box of one pad, which the page begins with.
 
     ``bars`` has the label, the share of the longest, the value and the kind of each error.
     """
-
-    kind: str
-    badge: str
-    line: str
-    effects: tuple[str, ...]
-    bars: tuple[tuple[str, float, str, str], ...]
-    bars_title: str
-    warnings: tuple[str, ...]
-
-
-def verdict_box(pad: PadResults) -> Box:
-    """Return the box of one pad."""
-    d = pad.diagnosis
+    d, warnings = pad.diagnosis, list(_warnings(pad))
     if d is None:
         check, line = pad.final.check, "Fitted, but neither checked nor diagnosed."
         if check is not None:
             line = f"Not diagnosed. {ErrorTable(check).in_words(pad.force_unit)}"
-        return Box("open", "not diagnosed", line, (), (), "", tuple(_warnings(pad)))
+        return {
+            "kind": "open", "badge": "not diagnosed", "line": line, "effects": (), "bars": [],
+            "warnings": warnings,
+        }  # fmt: skip
     left_out = f"on {parts(d)} left out" if _heldout(d) else "of the fit"
-    return Box(
-        d.verdict,
-        BADGES[d.verdict],
-        box_line(d),
-        shown_effects(d),
-        _bars(d, pad.force_unit),
-        f"Error {left_out} (root mean square)",
-        tuple(_warnings(pad)),
-    )
+    return {
+        "kind": d.verdict, "badge": BADGES[d.verdict], "line": box_line(d),
+        "effects": shown_effects(d), "bars": _bars(d, pad.force_unit),
+        "bars_title": f"Error {left_out} (root mean square)", "warnings": warnings,
+    }  # fmt: skip
 
 
 def answers(results: Results, remedies: dict[str, str]) -> list[tuple[str, str, list[str]]]:
     """Return question, section and answers; a step that was not done names its command."""
-    pads = [(capitalized(pad.title), pad) for pad in results.pads]
     differ = [in_a_line(one.comparison) for one in results.comparisons]
-    if len(pads) < 2 and not differ:  # one may be compared with a pad of another folder
+    if len(results.pads) < 2 and not differ:  # one may be compared with a pad of another folder
         differ = ["There is only one pad here."]
+    undone = f"not diagnosed yet: {remedies['diagnose']}"
+
+    def of_each(told: Callable[[PadResults], str]) -> list[str]:
+        return [f"{capitalized(pad.title)}: {told(pad)}" for pad in results.pads]
+
     return [
         (
             "What are the constants, and how sure?",
             "constants",
-            [f"{name}: {constants_words(pad) or 'not fitted.'}" for name, pad in pads],
+            of_each(lambda pad: constants_words(pad) or "not fitted."),
         ),
         ("Do the pads differ?", "compare", differ or [f"Not compared yet: {remedies['compare']}"]),
-        (
-            "Where does the model fail?",
-            "fails",
-            [f"{name}: {_fails(pad, remedies)}" for name, pad in pads],
-        ),
+        ("Where does the model fail?", "fails", of_each(lambda pad: _fails(pad, remedies))),
         (
             "Which effect is missing?",
             "effects",
-            [
-                f"{name}: "
-                f"{answer(pad.diagnosis, seen) if pad.diagnosis else _open(remedies['diagnose'])}"
-                for name, pad in pads
-            ],
+            of_each(lambda pad: answer(pad.diagnosis, seen) if pad.diagnosis else undone),
         ),
     ]
-
-
-def _open(remedy: str) -> str:
-    return f"not diagnosed yet: {remedy}"
 
 
 def _fails(pad: PadResults, remedies: dict[str, str]) -> str:
@@ -107,7 +85,7 @@ def _heldout(d: DiagnosisResult) -> list[float] | None:
     return known if len(known) == len(d.stages) else None
 
 
-def _bars(d: DiagnosisResult, unit: str) -> tuple[tuple[str, float, str, str], ...]:
+def _bars(d: DiagnosisResult, unit: str) -> list[tuple[str, float, str, str]]:
     first, last = d.stages[0], d.stages[-1]
     errors = _heldout(d) or [stage.rmse for stage in d.stages]
     changed = [*d.changed, *(e for e in last.effects if e not in first.effects)]
@@ -116,10 +94,10 @@ def _bars(d: DiagnosisResult, unit: str) -> tuple[tuple[str, float, str, str], .
     rows += [(model_name(changed), errors[-1], "after")] if changed else []
     rows.append(("noise alone", d.noise, "noise"))
     longest = max(value for _, value, _ in rows) or 1.0
-    return tuple(
+    return [
         (label, value / longest, with_unit(number(value, zeros=True), unit), kind)
         for label, value, kind in rows
-    )
+    ]
 
 
 def _warnings(pad: PadResults) -> Iterator[str]:

@@ -31,8 +31,7 @@ from qlvbayes.io.data import Test as Record
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.plots import forces
-from qlvbayes.plots.error_staircase import plot_error_staircase
-from qlvbayes.plots.evidence import plot_evidence
+from qlvbayes.plots.evidence import plot_error_staircase, plot_evidence
 from qlvbayes.plots.forces import plot_forces_before_after
 from qlvbayes.plots.residual_map import plot_residuals_before_after
 from qlvbayes.simulate import NOISES, TABLE_1, paper_protocol, record_study

@@ -90,9 +90,9 @@ def test_the_verdict_comes_first_with_errors_before_and_after_beside_the_noise(p
     boxes = [attrs["class"] for attrs in page.of("article")]
     assert boxes == ["box missing_effect", "box adequate"]
     box = verdict_box(collect(out).pads[0])
-    texts = [text.replace("\u00a0", " ") for _, _, text, _ in box.bars]
+    texts = [text.replace("\u00a0", " ") for _, _, text, _ in box["bars"]]
     assert texts == ["0.0480 N", "0.0103 N", "0.0100 N"]
-    shares = [share for _, share, _, _ in box.bars]
+    shares = [share for _, share, _, _ in box["bars"]]
     assert shares == pytest.approx([1.0, 0.0103 / 0.048, NOISE / 0.048])
 
 
@@ -119,7 +119,7 @@ def test_a_fit_with_other_laws_than_the_tests_ask_for_is_warned_of(tmp_path, law
     write(tmp_path / "B" / "summary.json", summary("B", ("friction",)))
     chosen = {"law": law, "modes": 2, "effects": ["friction"]}
     facts(tmp_path / "B" / "posterior.nc", choices=json.dumps(chosen))
-    warned = " ".join(verdict_box(collect(tmp_path).pads[0]).warnings)
+    warned = " ".join(verdict_box(collect(tmp_path).pads[0])["warnings"])
     again = "fit again with --elastic hertz --relaxation prony:2 --add friction."
     assert (again in warned) == said
 
@@ -158,7 +158,7 @@ def test_every_figure_is_inside_nothing_outside_is_referred_to_and_the_page_repe
 def test_the_elastic_law_is_written_with_its_own_constants(tmp_path, word, law):
     facts(tmp_path / "B" / "posterior.nc", choices=json.dumps({"law": word}))
     write(tmp_path / "B" / "summary.json", summary("B"))
-    formula = methods_of(collect(tmp_path)).law.partition(" = ")[2].partition(",")[0]
+    formula = methods_of(collect(tmp_path))["law"].partition(" = ")[2].partition(",")[0]
     assert set(re.findall(r"[a-z]", formula.replace("exp", ""))) == set(law.units)
 
 

@@ -13,8 +13,7 @@ from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.laws import Exponential, Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.plots import figure_of, plot_prediction
-from qlvbayes.use.prescribed.table import read_table
-from qlvbayes.use.prescribed.text import parse
+from qlvbayes.use.prescribed.program import parse, read_table
 
 CREEP = "force 0.5 N in 0.1 s, hold 30 s"
 

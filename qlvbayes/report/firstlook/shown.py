@@ -30,16 +30,10 @@ from qlvbayes.motion.facts import (
     unloads,
 )
 from qlvbayes.motion.phases import span
-from qlvbayes.report.firstlook.result import PadSeen, Shown
+from qlvbayes.report.firstlook.result import Answer, PadSeen, Shown
 
-OF_SPEED = ("viscous_drag", "power_law_drag", "squeeze_film")
-OF_ACCELERATION = ("inertia",)
-OF_STOPS = ("frame_ringing",)
-OF_SLIDING = ("interface_slip",)
-OF_RETRACTION = ("adhesion",)
-OF_DEPTH = ("strain_dependent_rate", "strain_dependent_strength")
-OF_THE_CLOCK = ("fluid_leak", "force_drift")
-OF_TESTS = ("conditioning",)
+_OF_SPEED = ("viscous_drag", "power_law_drag", "squeeze_film")
+_OF_DEPTH = ("strain_dependent_rate", "strain_dependent_strength")
 
 _FEWEST = 10  # readings on the way in, that show a curve
 _CLEAR = 20.0  # times the noise: a peak of which a few per cent are seen
@@ -51,25 +45,32 @@ _ALIKE = 2.0  # longest holds that differ by more do not show the same relaxatio
 _NAMED = 4  # depths or speeds that are named
 
 
+_Seen = tuple[Answer, str, str]
+"""An answer, the fact behind it, and the test that would show it, empty where they do."""
+
+
 def shown_by(experiment: Experiment, facts: Facts, *, bonded: bool) -> tuple[Shown, ...]:
     """Return whether a pad's tests can show each part of the model."""
-    return (
-        _stiffness(experiment, facts),
-        _relaxation(experiment, facts),
-        _speed(experiment, facts),
-        *_depth(experiment, facts),
-        _unloading(experiment, bonded=bonded),
-        _retraction(experiment, bonded=bonded),
-        _acceleration(experiment),
-        _ringing(experiment),
-        _clock(experiment),
-        _conditioning(experiment),
-        _validation(experiment, facts),
+    sliding = ("interface_slip",) if bonded else ()  # a loose specimen does not slide
+    parts: list[tuple[str, tuple[str, ...], tuple[str, ...], _Seen]] = [
+        ("stiffness and its growth with depth", ("m", "b"), (), _stiffness(experiment, facts)),
+        ("relaxation", ("c", "v"), (), _relaxation(experiment, facts)),
+        ("a force that grows with speed", (), _OF_SPEED, _speed(experiment, facts)),
+        *((about, (), effects, seen) for about, effects, seen in _depth(experiment, facts)),
+        ("softening and a set that stays", (), (*OF_UNLOADING, *sliding), _unloading(experiment)),
+        ("adhesion", (), ("adhesion",), _retraction(experiment, bonded=bonded)),
+        ("inertia", (), ("inertia",), _acceleration(experiment)),
+        ("ringing after a stop", (), ("frame_ringing",), _ringing(experiment)),
+        ("a change with the clock", (), ("fluid_leak", "force_drift"), _clock(experiment)),
+        ("conditioning, from test to test", (), ("conditioning",), _conditioning(experiment)),
+        ("prediction of unseen tests", (), (), _validation(experiment, facts)),
+    ]
+    return tuple(
+        Shown(about, *seen, constants, effects) for about, constants, effects, seen in parts
     )
 
 
-def _stiffness(experiment: Experiment, facts: Facts) -> Shown:
-    about, constants = "stiffness and its growth with depth", ("m", "b")
+def _stiffness(experiment: Experiment, facts: Facts) -> _Seen:
     readings = sum(move.readings for move in facts.moves if move.kind == "ramp")
     levels = apart(facts.levels, DEEPER)
     noise, units = noise_of(experiment), experiment.units
@@ -78,95 +79,83 @@ def _stiffness(experiment: Experiment, facts: Facts) -> Shown:
     clear = f"up to {deep}"
     if experiment.floor.testable:  # else nobody knows the noise so well
         clear += f"; the largest {units.force_name} is {plain(ratio, 2)} times the noise"
-    if experiment.floor.testable and ratio < _CLEAR:
-        return Shown(
-            about, "hardly", clear, "press deeper, or use a load cell of a smaller range", constants
-        )
+        if ratio < _CLEAR:
+            return "hardly", clear, "press deeper, or use a load cell of a smaller range"
     if readings >= _FEWEST:
-        return Shown(about, "yes", f"{readings} readings on the way in, {clear}", "", constants)
+        return "yes", f"{readings} readings on the way in, {clear}", ""
     if len(levels) >= 3:
-        return Shown(about, "yes", f"holds at {len(levels)} depths, {clear}", "", constants)
+        return "yes", f"holds at {len(levels)} depths, {clear}", ""
     those = f"{readings or 'no'} reading{'' if readings == 1 else 's'}"
     remedy = "record the way in more often, or hold at three depths"
-    return Shown(about, "hardly", f"{those} on the way in: a curve needs more", remedy, constants)
+    return "hardly", f"{those} on the way in: a curve needs more", remedy
 
 
-def _relaxation(experiment: Experiment, facts: Facts) -> Shown:
-    about, constants = "relaxation", ("c", "v")
+def _relaxation(experiment: Experiment, facts: Facts) -> _Seen:
     quick, slow = facts.durations
     shortest = max(facts.interval, _LEFT * quick)
     longest = max(facts.longest_hold, slow)
     if not facts.holds:
-        return _without_holds(facts, about, constants)
-    sampled = facts.interval > _LEFT * facts.durations[0]
+        return _without_holds(facts)
+    sampled = facts.interval > _LEFT * quick
     bound = "the interval between readings" if sampled else "a tenth of the quickest movement"
     window = f"times from {span(shortest)} ({bound}) to {span(longest)}"
     longer = facts.longest_hold >= slow
     window += " (the longest hold)" if longer else " (the longest movement; no hold is as long)"
     if longest < _WIDE * shortest:
-        remedy = "hold longer, or press faster"
-        return Shown(about, "hardly", f"{window}: hardly any range", remedy, constants)
+        return "hardly", f"{window}: hardly any range", "hold longer, or press faster"
     modes = max(1, floor(log10(longest / shortest)))
     many = "one relaxation time" if modes == 1 else f"up to {modes} relaxation times"
     reason = f"{window}: {many}, about one a decade"
     long = [hold for hold in facts.holds if _ALIKE * hold.duration > facts.longest_hold]
     moving = max(long, key=lambda hold: abs(hold.change))  # in its second half
     if abs(moving.change) < _STILL:
-        return Shown(about, "yes", reason, "", constants)
+        return "yes", reason, ""
     units = experiment.units
     name = units.displacement_name if moving.control == Control.FORCE else units.force_name
     reason += (
         f"; in the second half of the longest hold the {name} still changes by "
         f"{100.0 * abs(moving.change):.2g} % of the largest"
     )
-    return Shown(about, "yes", reason, "slower relaxation needs a longer hold", constants)
+    return "yes", reason, "slower relaxation needs a longer hold"
 
 
-def _without_holds(facts: Facts, about: str, constants: tuple[str, ...]) -> Shown:
-    quick, slow = facts.durations
+def _without_holds(facts: Facts) -> _Seen:
     speeds = apart(facts.speeds, _FASTER)
     remedy = "hold at depth, as long as the slowest relaxation that matters"
     if len(facts.moves) > 2 or len(speeds) > 1:
         several = "the movements alone" if len(speeds) < 2 else "different speeds alone"
-        longest = f"times up to {span(max(slow, quick))} (the longest movement)"
-        return Shown(about, "hardly", f"no hold: by {several}, {longest}", remedy, constants)
-    reason = "no hold and one speed: relaxation and stiffness cannot be distinguished"
-    return Shown(about, "no", reason, remedy, constants)
+        longest = f"times up to {span(max(facts.durations))} (the longest movement)"
+        return "hardly", f"no hold: by {several}, {longest}", remedy
+    return "no", "no hold and one speed: relaxation and stiffness cannot be distinguished", remedy
 
 
-def _speed(experiment: Experiment, facts: Facts) -> Shown:
-    about, unit = "a force that grows with speed", experiment.units.speed
+def _speed(experiment: Experiment, facts: Facts) -> _Seen:
+    unit = experiment.units.speed
     if not any(trial.trajectory.velocity_resolved for trial in experiment.trials):
-        reason = "the displacement records do not give the speed"
-        return Shown(about, "no", reason, "record more often", effects=OF_SPEED)
+        return "no", "the displacement records do not give the speed", "record more often"
     speeds = apart(facts.speeds, _FASTER)
     if not speeds:
-        reason = "no test moves from one position to another"
-        return Shown(about, "hardly", reason, "press at two speeds", effects=OF_SPEED)
+        return "hardly", "no test moves from one position to another", "press at two speeds"
     if len(speeds) == 1:
         reason = f"one speed, {rated(speeds[0], unit)}, at which it looks like quick relaxation"
-        remedy = f"press at another speed, {plain(_FASTER)} times as fast or more"
-        return Shown(about, "hardly", reason, remedy, effects=OF_SPEED)
-    low, high = rated(speeds[0], unit), rated(max(facts.speeds), unit)
-    return Shown(about, "yes", f"speeds from {low} to {high}", effects=OF_SPEED)
+        return "hardly", reason, f"press at another speed, {plain(_FASTER)} times as fast or more"
+    return "yes", f"speeds from {rated(speeds[0], unit)} to {rated(max(facts.speeds), unit)}", ""
 
 
-def _depth(experiment: Experiment, facts: Facts) -> tuple[Shown, ...]:
-    speed, share = "a relaxation whose speed changes with depth", "one whose share does"
+def _depth(experiment: Experiment, facts: Facts) -> list[tuple[str, tuple[str, ...], _Seen]]:
     levels = apart(facts.levels, DEEPER)
-    rates, strengths = OF_DEPTH[:1], OF_DEPTH[1:]
     if len(levels) > 1:
-        about, reason = "relaxation that changes with depth", _levels(experiment, facts, levels)
-        return (Shown(about, "yes", f"holds at {reason}", effects=OF_DEPTH),)
+        reason = f"holds at {_levels(experiment, facts, levels)}"
+        return [("relaxation that changes with depth", _OF_DEPTH, ("yes", reason, ""))]
     what = "force" if facts.held == Control.FORCE else "depth"
     where = f"one {what}, {_levels(experiment, facts, levels)}" if levels else "no depth"
     reason, remedy = f"holds at {where}", "hold at two depths or more"
-    moving = f"{reason}: only the movements could show it"
-    one = at_one_depth(experiment)
-    return (
-        Shown(speed, "hardly", moving, remedy, effects=rates),
-        Shown(share, "no" if one else "hardly", reason if one else moving, remedy, (), strengths),
-    )
+    moving: _Seen = "hardly", f"{reason}: only the movements could show it", remedy
+    share: _Seen = ("no", reason, remedy) if at_one_depth(experiment) else moving
+    return [
+        ("a relaxation whose speed changes with depth", _OF_DEPTH[:1], moving),
+        ("one whose share does", _OF_DEPTH[1:], share),
+    ]
 
 
 def _levels(experiment: Experiment, facts: Facts, levels: Sequence[float]) -> str:
@@ -178,85 +167,73 @@ def _levels(experiment: Experiment, facts: Facts, levels: Sequence[float]) -> st
     return f"{joined(named)} {unit}".removesuffix(" 1")
 
 
-def _unloading(experiment: Experiment, *, bonded: bool) -> Shown:
-    about = "softening and a set that stays"
-    effects = (*OF_UNLOADING, *(OF_SLIDING if bonded else ()))  # a loose specimen does not slide
-    if unloads(experiment) and loaded_once(experiment):
+def _unloading(experiment: Experiment) -> _Seen:
+    if not unloads(experiment):
+        return "no", "no test unloads", "move back in a test"
+    if loaded_once(experiment):
         reason = "one test, no load of which goes deeper than the first: they look much alike"
         remedy = "press a fresh specimen in steps, back after each, to growing depths"
-        return Shown(about, "hardly", reason, remedy, effects=effects)
-    if unloads(experiment):
-        return Shown(about, "yes", "the platen moves back in a test", effects=effects)
-    return Shown(about, "no", "no test unloads", "move back in a test", effects=effects)
+        return "hardly", reason, remedy
+    return "yes", "the platen moves back in a test", ""
 
 
-def _retraction(experiment: Experiment, *, bonded: bool) -> Shown:
-    about = "adhesion"
+def _retraction(experiment: Experiment, *, bonded: bool) -> _Seen:
     if bonded:
-        return Shown(about, "no", "the specimen is fixed to the platen", effects=OF_RETRACTION)
+        return "no", "the specimen is fixed to the platen", ""
     if returns(experiment):
-        reason = "a test comes back to zero depth or to no force"
-        return Shown(about, "yes", reason, effects=OF_RETRACTION)
-    reason, remedy = "no test retracts to zero depth", "move back all the way"
-    return Shown(about, "no", reason, remedy, effects=OF_RETRACTION)
+        return "yes", "a test comes back to zero depth or to no force", ""
+    return "no", "no test retracts to zero depth", "move back all the way"
 
 
-def _acceleration(experiment: Experiment) -> Shown:
-    about = "inertia"
+_OFTENER = "record more often while the platen starts and stops"
+
+
+def _acceleration(experiment: Experiment) -> _Seen:
     if any(trial.trajectory.acceleration_resolved for trial in experiment.trials):
-        return Shown(about, "yes", "the acceleration is resolved", effects=OF_ACCELERATION)
-    remedy = "record more often while the platen starts and stops"
-    return Shown(about, "no", "no acceleration is resolved", remedy, effects=OF_ACCELERATION)
+        return "yes", "the acceleration is resolved", ""
+    return "no", "no acceleration is resolved", _OFTENER
 
 
-def _ringing(experiment: Experiment) -> Shown:
-    about, interval = "ringing after a stop", experiment.interval
-    remedy = "record more often while the platen starts and stops"
+def _ringing(experiment: Experiment) -> _Seen:
+    interval = experiment.interval
     if not any(trial.trajectory.velocity_resolved for trial in experiment.trials):
-        return Shown(about, "no", "no velocity is resolved", remedy, effects=OF_STOPS)
+        return "no", "no velocity is resolved", _OFTENER
     if READINGS_A_PERIOD * SLOWEST_HZ * interval > 1.0:
         reason = f"readings are {plain(interval, 2)} s apart, and frames swing quicker"
-        return Shown(about, "no", reason, remedy, effects=OF_STOPS)
-    return Shown(
-        about, "yes", f"up to {plain(1.0 / (READINGS_A_PERIOD * interval), 2)} Hz", effects=OF_STOPS
-    )
+        return "no", reason, _OFTENER
+    return "yes", f"up to {plain(1.0 / (READINGS_A_PERIOD * interval), 2)} Hz", ""
 
 
-def _clock(experiment: Experiment) -> Shown:
-    about, effects = "a change with the clock", OF_THE_CLOCK
+def _clock(experiment: Experiment) -> _Seen:
     count = len(experiment.trials)
     if count == 1:
         reason = "one test, in which it looks like slow relaxation"
-        return Shown(about, "hardly", reason, "repeat the first test last", effects=effects)
+        return "hardly", reason, "repeat the first test last"
     if all(trial.test.start_known for trial in experiment.trials):
-        return Shown(about, "yes", f"{count} tests, and the clock between them", effects=effects)
+        return "yes", f"{count} tests, and the clock between them", ""
     reason = f"{count} tests, but the file does not say when each began (no column start_s)"
     remedy = "write start_s; until then tests follow one another without a pause"
-    return Shown(about, "hardly", reason, remedy, effects=effects)
+    return "hardly", reason, remedy
 
 
-def _conditioning(experiment: Experiment) -> Shown:
-    about, count = "conditioning, from test to test", len(experiment.trials)
-    if count == 1:
-        return Shown(about, "no", "there is only one test", "repeat it", effects=OF_TESTS)
-    return Shown(about, "yes", f"{count} tests, one after the other", effects=OF_TESTS)
+def _conditioning(experiment: Experiment) -> _Seen:
+    if (count := len(experiment.trials)) == 1:
+        return "no", "there is only one test", "repeat it"
+    return "yes", f"{count} tests, one after the other", ""
 
 
-def _validation(experiment: Experiment, facts: Facts) -> Shown:
-    about = "prediction of unseen tests"
-    fitted, others = len(experiment.with_role("fit")), len(experiment.with_role("validate"))
+def _validation(experiment: Experiment, facts: Facts) -> _Seen:
+    fitted, others = experiment.with_role("fit"), experiment.with_role("validate")
     if fitted and others:
-        plural = "s" if others > 1 else ""
-        names = joined([trial.name for trial in experiment.with_role("fit")][:_NAMED])
-        reason = f"{others} test{plural} can be predicted from {names}"
-        return Shown(about, "yes", reason)
+        plural = "s" if len(others) > 1 else ""
+        names = joined([trial.name for trial in fitted][:_NAMED])
+        return "yes", f"{len(others)} test{plural} can be predicted from {names}", ""
     if len(experiment.trials) > 1:
-        return Shown(about, "hardly", "every test has the role fit", "give one the role validate")
-    what = "one test"
+        return "hardly", "every test has the role fit", "give one the role validate"
     if facts.loads <= 1:
-        what += " with one load: its constants can be fitted, but few effects can be named"
-        return Shown(about, "no", what, "press again, at another speed or to another depth")
-    return Shown(about, "no", f"{what}: nothing is left to predict", "press again in another test")
+        what = "one test with one load: its constants can be fitted, but few effects can be named"
+        return "no", what, "press again, at another speed or to another depth"
+    return "no", "one test: nothing is left to predict", "press again in another test"
 
 
 def shown_between(pads: Sequence[PadSeen], units: UnitSystem) -> tuple[Shown, ...]:
@@ -266,21 +243,20 @@ def shown_between(pads: Sequence[PadSeen], units: UnitSystem) -> tuple[Shown, ..
     holds = {pad.pad: _longest_hold(pad) for pad in pads}
     depths = {pad.pad: max(test.depth for test in pad.tests) for pad in pads}
     answers = []
-    for about, values, most, unit in (
-        ("relaxation of the pads, side by side", holds, _ALIKE, "s"),
-        ("stiffness of the pads, side by side", depths, DEEPER, units.displacement),
-    ):
+    for about, what, values, most, unit in (
+        ("relaxation of the pads, side by side", "held for", holds, _ALIKE, "s"),
+        (
+            "stiffness of the pads, side by side", "pressed to", depths, DEEPER,
+            units.displacement,
+        ),
+    ):  # fmt: skip
         low, high = min(values, key=values.__getitem__), max(values, key=values.__getitem__)
-        some = f"{plain(values[low])} {unit}".removesuffix(" 1")
-        most_of = f"{plain(values[high])} {unit}".removesuffix(" 1")
-        what = "held for" if unit == "s" else "pressed to"
+        least, largest = (f"{plain(values[k])} {unit}".removesuffix(" 1") for k in (low, high))
         if values[low] > 0.0 and values[high] <= most * values[low]:
-            reason = f"all are {what} {some} to {most_of}" if some != most_of else (
-                f"all are {what} {some}"
-            )  # fmt: skip
-            answers.append(Shown(about, "yes", reason))
+            to = f" to {largest}" if largest != least else ""
+            answers.append(Shown(about, "yes", f"all are {what} {least}{to}"))
             continue
-        reason = f"pad {low} is {what} {some}, pad {high} {most_of}"
+        reason = f"pad {low} is {what} {least}, pad {high} {largest}"
         answers.append(Shown(about, "hardly", reason, "test both alike"))
     return tuple(answers)
 

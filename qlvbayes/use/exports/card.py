@@ -77,6 +77,7 @@ def template(file: str, /, **values: object) -> str:
         keep_trailing_newline=True,
         autoescape=file.endswith((".xml.j2", ".sdf.j2", ".feb.j2")),
     )
+    environment.filters["in_comment"] = lambda text: in_comment([text])[0]
     return environment.get_template(file).render(**values)
 
 

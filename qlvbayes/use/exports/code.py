@@ -10,18 +10,26 @@ import shutil
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 import qlvbayes
+from qlvbayes.effects.lags import LINES
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.units import unit_system
 from qlvbayes.use.exports.card import ONE_DRAW, card, in_comment, template
 from qlvbayes.use.exports.expressions import TranslationError
-from qlvbayes.use.exports.language import C, Language, Matlab
-from qlvbayes.use.exports.layer_code import MATERIAL, elastic_code, layers_code, library_of
-from qlvbayes.use.exports.layers import ElasticFunction, ExportedLayer, elastic_functions
+from qlvbayes.use.exports.language import (
+    MATERIAL,
+    MATLAB,
+    Language,
+    elastic_code,
+    in_c,
+    layers_code,
+    library_of,
+    touch_of,
+)
+from qlvbayes.use.exports.layers import LINE, ElasticFunction, elastic_functions
 from qlvbayes.use.exports.pad import Draws, ExportedPad
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
 
@@ -40,30 +48,22 @@ class CHeader(AbstractTarget):
 
 def c_files(pad: ExportedPad, target: type[AbstractTarget]) -> dict[str, bytes]:
     """Return the header and the table of draws, with the words of the target that holds them."""
-    law = functions_of(pad)
-    name = pad.identifier
-    language = C(name)
+    law, name = _functions_of(pad), pad.identifier
+    language = in_c(name)
     values = {
-        "p": name,
-        "P": name.upper(),
-        "card": in_comment(card(pad, target)),
-        "constants": pad.constants,
-        "modes": pad.times.size,
+        **values_of(pad, target, language),
         "functions": elastic_code(law, language),
         "library": sorted(library_of(law, pad.pieces) | {"exp", "fmin"}),  # of every decay
-        "units": pad.units,
-        **layered(pad, language),
-        "middle": rows_of(pad.middle)[0],
-        "draws": rows_of(pad.table),
+        "middle": _rows_of(pad.middle, language)[0],
+        "draws": _rows_of(pad.table, language),
     }
-    header = template("pad.h.j2", **values)
     return {
-        f"{name}.h": header.encode(),
+        f"{name}.h": template("pad.h.j2", **values).encode(),
         f"{name}_draws.h": template("draws.h.j2", **values).encode(),
     }
 
 
-def functions_of(pad: ExportedPad) -> list[ElasticFunction]:
+def _functions_of(pad: ExportedPad) -> list[ElasticFunction]:
     """Return the elastic law's functions; raise InputError where they cannot be written as code."""
     try:
         return elastic_functions(pad.elastic)
@@ -74,37 +74,32 @@ def functions_of(pad: ExportedPad) -> list[ElasticFunction]:
         ) from reason
 
 
-def layered(pad: ExportedPad, language: Language) -> dict[str, object]:
-    """Return what a template says of the layers: ``pieces`` is empty of a pad without effects."""
-    pieces = pad.pieces if pad.effects else ()
+def values_of(pad: ExportedPad, target: type[AbstractTarget], language: Language) -> dict[str, Any]:
+    """Return what a template says of the pad and of its layers."""
     return {
+        "p": pad.identifier,
+        "P": pad.identifier.upper(),
+        "pad": pad,
+        "units": pad.units,
+        "card": in_comment(card(pad, target)),
         "loose": not pad.choices.bonded,
-        "pieces": pieces,
-        "layers": layers_code(pieces, language),
-        "top": pieces[-1].name if pieces else MATERIAL,
-        "touch": _touch(pieces, language),
+        "layers": list(layers_code(pad.pieces, language)),
+        "top": pad.pieces[-1].name if pad.pieces else MATERIAL,
+        "touch": touch_of(pad.pieces, language),
         "one_way": in_comment([" ".join(pad.one_way.split())])[0],
+        "line": LINE,
+        "most": LINES,
     }
 
 
-def _touch(pieces: Sequence[ExportedLayer], language: Language) -> str | None:
-    """Return where it is remembered whether the specimen is touched."""
-    way = language.say("top")
-    for piece in reversed(pieces):
-        if piece.touch is not None:
-            return language.within(way, language.say("memory", piece.touch))
-        way = language.within(way, language.beneath(piece.beneath - 1, piece.beneath))
-    return None
-
-
-def rows_of(draws: Draws) -> list[tuple[list[str], list[str], list[str]]]:
+def _rows_of(draws: Draws, language: Language) -> list[tuple[str, str, str]]:
     """Return constants, fractions and rates of each draw, in all their digits."""
 
-    def digits(values: np.ndarray) -> list[str]:
-        return [repr(float(x)) for x in values]
+    def listed(*parts: Any) -> str:
+        return ", ".join(language.say("number", float(x)) for part in parts for x in part)
 
     rows = zip(draws.elastic, draws.effects, draws.fractions, draws.rates, strict=True)
-    return [([*digits(e), *digits(a)], digits(c), digits(v)) for e, a, c, v in rows]
+    return [(listed(e, a), listed(c), listed(v)) for e, a, c, v in rows]
 
 
 class MatlabFunction(AbstractTarget):
@@ -119,13 +114,9 @@ class MatlabFunction(AbstractTarget):
         """Return the content of ``pad_B.m``."""
         text = template(
             "pad.m.j2",
-            p=pad.identifier,
-            card=card(pad, type(self)),
-            constants=pad.constants,
-            middle=rows_of(pad.middle)[0],
-            functions=elastic_code(functions_of(pad), Matlab()),
-            units=pad.units,
-            **layered(pad, Matlab()),
+            **values_of(pad, type(self), MATLAB),
+            functions=elastic_code(_functions_of(pad), MATLAB),
+            middle=_rows_of(pad.middle, MATLAB)[0],
         )
         return {f"{pad.identifier}.m": text.encode()}
 
@@ -151,18 +142,13 @@ class Fmu(AbstractTarget):
     def files(self, pad: ExportedPad, specimen: Geometry | None) -> dict[str, bytes]:
         """Return the content of ``pad_B.fmu``."""
         name = pad.identifier
+        si = unit_system(*(("1", "Pa") if pad.units.dimensionless else ("m", "N")))
         values = {
-            "p": name,
-            "P": name.upper(),
-            "pad": pad,
-            "units": pad.units,
-            "card": in_comment(card(pad, type(self))),
+            **values_of(pad, type(self), in_c(name)),
             "version": qlvbayes.__version__,
             "draws": len(pad.table),
-            **layered(pad, C(name)),
-            "length_si": _si(pad.units.displacement),
-            "force_si": _si(pad.units.force),
-            "force_dimension": "stress" if pad.units.dimensionless else "force",
+            "length_si": pad.units.factor_to(si, "displacement"),
+            "force_si": pad.units.factor_to(si, "force"),
         }
         sources = c_files(pad, type(self))
         guid = _guid(sources)
@@ -175,13 +161,6 @@ class Fmu(AbstractTarget):
         if (binary := _binary(sources)) is not None:
             parts[f"binaries/linux64/{name}.so"] = binary
         return {f"{name}.fmu": _zipped(parts)}
-
-
-def _si(unit: str) -> float:
-    """Return what one of the unit is in m, N or Pa."""
-    lengths = {"mm": 1e-3, "um": 1e-6, "nm": 1e-9, "m": 1.0, "1": 1.0}
-    forces = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9, "kPa": 1e3, "MPa": 1e6, "Pa": 1.0}
-    return (lengths | forces)[unit]
 
 
 def _guid(sources: dict[str, bytes]) -> str:

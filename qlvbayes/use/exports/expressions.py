@@ -10,7 +10,8 @@ from __future__ import annotations
 import contextlib
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, reduce
 from typing import Any
 
 import jax
@@ -39,50 +40,19 @@ class Expression:
         return self.op in _CONDITIONS or (self.op == "constant" and isinstance(self.value, bool))
 
 
-_PAIRS: dict[str, Callable[..., Any]] = {
-    "add": operator.add,
-    "sub": operator.sub,
-    "mul": operator.mul,
-    "div": operator.truediv,
-    "max": max,
-    "min": min,
-    "pow": pow,
-    "lt": operator.lt,
-    "le": operator.le,
-    "gt": operator.gt,
-    "ge": operator.ge,
-    "eq": operator.eq,
-    "ne": operator.ne,
-    "and": operator.and_,
-    "or": operator.or_,
-}
-_SINGLES: dict[str, Callable[..., Any]] = {
-    "neg": operator.neg,
-    "exp": math.exp,
-    "expm1": math.expm1,
-    "log": math.log,
-    "log1p": math.log1p,
-    "sqrt": math.sqrt,
-    "tanh": math.tanh,
-    "sin": math.sin,
-    "cos": math.cos,
-    "abs": abs,
-    "not": operator.not_,
-}
 _CONDITIONS = ("lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not")
+_VALUES: dict[str, Callable[..., Any]] = {
+    **{name: getattr(operator, name) for name in ("add", "sub", "mul", "neg", *_CONDITIONS[:6])},
+    **{name: getattr(math, name) for name in ("exp", "expm1", "log", "log1p", "sqrt")},
+    **{name: getattr(math, name) for name in ("tanh", "sin", "cos")},
+    **{"div": operator.truediv, "max": max, "min": min, "pow": pow, "abs": abs},
+    **{"and": operator.and_, "or": operator.or_, "not": operator.not_},
+}
+"""Every operation, as the function that evaluates it on constants."""
+_SAME = ("copy", "copy_p", "stop_gradient")
 _MOVES = (
-    "broadcast_in_dim",
-    "concatenate",
-    "expand_dims",
-    "reshape",
-    "rev",
-    "slice",
-    "split",
-    "squeeze",
-    "stack",
-    "tile",
-    "transpose",
-    "unstack",
+    *("broadcast_in_dim", "concatenate", "expand_dims", "reshape", "rev", "slice", "split"),
+    *("squeeze", "stack", "tile", "transpose", "unstack"),
 )
 _INSIDE = ("jaxpr", "call_jaxpr", "fun_jaxpr")  # where an instruction has a program of its own
 _LOOPS = ("scan", "while")
@@ -98,6 +68,16 @@ class Expressions:
     def __init__(self, calls: Mapping[str, Callable[..., list[Expression]]]) -> None:
         self._known: dict[tuple, Expression] = {}
         self._calls = calls
+        # instructions that are several operations, or a choice
+        self._composed: dict[str, Callable[..., Expression]] = {
+            "select_n": lambda which, no, yes: self.either(which, yes, no),
+            "sign": self._sign,
+            "square": lambda x: self.call("mul", x, x),
+            "clamp": lambda low, x, high: self.call("min", self.call("max", x, low), high),
+            "convert_element_type": self._as_number,
+            **dict.fromkeys(_SAME, lambda x: x),
+            "add_any": partial(self.call, "add"),  # a sum of derivatives
+        }
 
     def constant(self, value: float | bool) -> Expression:
         """Return a number, or true or false."""
@@ -107,12 +87,18 @@ class Expressions:
         """Return an input; ``name`` is its kind, ``value`` which of them."""
         return self._node(name, (), value)
 
-    def call(self, op: str, *args: Expression, value: Any = None) -> Expression:
+    def call(self, op: str, *args: Expression) -> Expression:
         """Return ``op`` of the arguments, evaluated where they are constants."""
-        if all(x.op == "constant" for x in args) and (known := _PAIRS | _SINGLES).get(op):
+        if op in _VALUES and all(x.op == "constant" for x in args):
             with contextlib.suppress(ArithmeticError, ValueError):  # what is none stays as it is
-                return self.constant(known[op](*(x.value for x in args)))
-        return self._simpler(op, args) or self._node(op, args, value)
+                return self.constant(_VALUES[op](*(x.value for x in args)))
+        return self._simpler(op, args) or self._node(op, args, None)
+
+    def either(self, which: Expression, yes: Expression, no: Expression) -> Expression:
+        """Return ``yes`` where a condition holds, else ``no``."""
+        if which.op == "constant":
+            return yes if which.value else no
+        return yes if yes is no else self._node("choose", (which, yes, no), None)
 
     def equate(self, one: Expression, same: Expression) -> None:
         """Let every later expression that equals ``one`` be ``same``."""
@@ -144,81 +130,41 @@ class Expressions:
 
     def _instruction(self, line: Any, given: list[Nodes]) -> list[Nodes]:
         name, params = line.primitive.name, line.params
-        name = "add" if name == "add_any" else name  # a sum of derivatives
         if name not in _LOOPS and (inside := [params[x] for x in _INSIDE if x in params]):
             return self._run(inside[0], given)
         if name in self._calls:
             return [_array([x], ()) for x in self._calls[name](self, *(x.item() for x in given))]
-        if name in _PAIRS or name in _SINGLES or name in _ELEMENTWISE:
-            return [self._elementwise(name, params, given)]
+        if name == "integer_pow":
+            return [_each(partial(self._power, params["y"]), given)]
+        if name in _VALUES or name in self._composed:
+            return [_each(self._composed.get(name, partial(self.call, name)), given)]
         if name in _MOVES:
             return _moved(line.primitive, params, given)
         if name in _REDUCTIONS:
-            return [self._reduced(_REDUCTIONS[name], given[0], params["axes"])]
+            axes = params["axes"]
+            parts = np.moveaxis(given[0], axes, range(len(axes)))
+            rows = parts.reshape(-1, *parts.shape[len(axes) :])
+            return [_each(partial(self._folded, _REDUCTIONS[name]), list(rows))]
         if name == "dot_general":
-            return [self._product(given[0], given[1], params["dimension_numbers"])]
+            return [self._product(*given, params["dimension_numbers"])]
         raise TranslationError(f"its step uses {name}, which has no form in other languages")
 
-    def _elementwise(self, name: str, params: dict, given: list[Nodes]) -> Nodes:
-        if name in ("integer_pow",):
-            factors = [given[0]] * abs(params["y"])
-            whole = np.broadcast_arrays(*factors)
-            product = self._each(lambda *x: self._folded("mul", x), whole)
-            one = _array([self.constant(1.0)], ())
-            return product if params["y"] > 0 else self._each(self._pair("div"), [one, product])
-        make = getattr(self, f"_{name}", None) or self._pair(name)
-        return self._each(make, given)
+    def _folded(self, op: str, *values: Expression) -> Expression:
+        return reduce(partial(self.call, op), values)
 
-    def _pair(self, op: str) -> Callable[..., Expression]:
-        return lambda *x: self.call(op, *x)
-
-    def _each(self, make: Callable[..., Expression], given: Sequence[Nodes]) -> Nodes:
-        whole = np.broadcast_arrays(*given)
-        results = [make(*row) for row in zip(*(x.ravel() for x in whole), strict=True)]
-        return _array(results, whole[0].shape)
-
-    def either(self, which: Expression, yes: Expression, no: Expression) -> Expression:
-        """Return ``yes`` where a condition holds, else ``no``."""
-        if which.op == "constant":
-            return yes if which.value else no
-        return yes if yes is no else self._node("choose", (which, yes, no), None)
-
-    def _select_n(self, which: Expression, no: Expression, yes: Expression) -> Expression:
-        return self.either(which, yes, no)
+    def _power(self, exponent: int, x: Expression) -> Expression:
+        product = self._folded("mul", *[x] * abs(exponent))
+        return product if exponent > 0 else self.call("div", self.constant(1.0), product)
 
     def _sign(self, x: Expression) -> Expression:
         zero, one = self.constant(0.0), self.constant(1.0)
         below = self.either(self.call("lt", x, zero), self.constant(-1.0), zero)
         return self.either(self.call("gt", x, zero), one, below)
 
-    def _square(self, x: Expression) -> Expression:
-        return self.call("mul", x, x)
-
-    def _clamp(self, low: Expression, x: Expression, high: Expression) -> Expression:
-        return self.call("min", self.call("max", x, low), high)
-
-    def _convert_element_type(self, x: Expression) -> Expression:
+    def _as_number(self, x: Expression) -> Expression:
         if x.is_true_or_false:
             return self.either(x, self.constant(1.0), self.constant(0.0))
         return x
-
-    def _copy(self, x: Expression) -> Expression:
-        return x
-
-    _copy_p = _stop_gradient = _copy
-
-    def _folded(self, op: str, values: Iterable[Expression]) -> Expression:
-        first, *others = values
-        for other in others:
-            first = self.call(op, first, other)
-        return first
-
-    def _reduced(self, op: str, given: Nodes, axes: Sequence[int]) -> Nodes:
-        kept = [k for k in range(given.ndim) if k not in axes]
-        moved = np.transpose(given, [*axes, *kept])
-        shape = moved.shape[len(axes) :]
-        columns = moved.reshape(-1, *shape)
-        return self._each(lambda *x: self._folded(op, x), list(columns))
 
     def _product(self, left: Nodes, right: Nodes, dimensions: Any) -> Nodes:
         (on_left, on_right), batch = dimensions
@@ -226,14 +172,12 @@ class Expressions:
             raise TranslationError("its step multiplies stacks of matrices")
         rows = np.moveaxis(left, on_left, range(len(on_left)))
         columns = np.moveaxis(right, on_right, range(len(on_right)))
-        inner = rows.shape[: len(on_left)]
+        inner = math.prod(rows.shape[: len(on_left)])
         shape = rows.shape[len(on_left) :] + columns.shape[len(on_right) :]
-        rows = rows.reshape(math.prod(inner), -1)
-        columns = columns.reshape(math.prod(inner), -1)
         sums = [
-            self._folded("add", [self.call("mul", x, y) for x, y in zip(a, b, strict=True)])
-            for a in rows.T
-            for b in columns.T
+            self._folded("add", *(self.call("mul", x, y) for x, y in zip(a, b, strict=True)))
+            for a in rows.reshape(inner, -1).T
+            for b in columns.reshape(inner, -1).T
         ]
         return _array(sums, shape)
 
@@ -262,23 +206,17 @@ class Expressions:
         return self._known.setdefault(key, Expression(op, args, value))
 
 
-_ELEMENTWISE = (
-    "integer_pow",
-    "select_n",
-    "sign",
-    "square",
-    "clamp",
-    "convert_element_type",
-    "copy",
-    "copy_p",
-    "stop_gradient",
-)
-
-
 def _array(values: list[Expression], shape: tuple[int, ...]) -> Nodes:
     nodes = np.empty(len(values), dtype=object)
     nodes[:] = values
     return nodes.reshape(shape)
+
+
+def _each(make: Callable[..., Expression], given: Sequence[Nodes]) -> Nodes:
+    """Return what is made of the elements of arrays that are broadcast together."""
+    whole = np.broadcast_arrays(*given)
+    results = [make(*row) for row in zip(*(x.ravel() for x in whole), strict=True)]
+    return _array(results, whole[0].shape)
 
 
 def _moved(primitive: Any, params: dict, given: list[Nodes]) -> list[Nodes]:

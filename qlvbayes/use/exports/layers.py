@@ -131,7 +131,7 @@ _STEP_OF_MODE = ("start", "stop", "at_start", "at_stop", "decay", "left")
 
 
 def elastic_functions(law: AbstractElastic) -> list[ElasticFunction]:
-    """Return the elastic force, the stiffness, the step of a relaxing mode and the step's slope."""
+    """Return the elastic force, the stiffness, and the step of a relaxing mode."""
     make = Expressions({})
     names = tuple(type(law).units)
     constants = [make.named("constant_of", name) for name in names]
@@ -145,17 +145,11 @@ def elastic_functions(law: AbstractElastic) -> list[ElasticFunction]:
     ) -> Any:
         return of(values).relaxed_step(start, stop, first, last, decay)
 
-    def slope(values: Sequence[Any], start: Any, stop: Any, first: Any, *rest: Any) -> Any:
-        last, decay = rest
-        along = (jnp.ones_like(stop), of(values).stiffness(stop))
-        return jax.jvp(lambda x, y: step(values, start, x, first, y, decay), (stop, last), along)[1]
-
     ways = (
         ("elastic_force", "The elastic force at a depth.", ("depth",),
          lambda values, depth: of(values).force(depth)),
         ("stiffness", "Its slope.", ("depth",), lambda values, depth: of(values).stiffness(depth)),
         ("step", "Integral of e^{-v (h - s)} K d(depth) over a step.", _STEP_OF_MODE, step),
-        ("slope", "Slope of the step along its end.", _STEP_OF_MODE, slope),
     )  # fmt: skip
     functions = []
     for name, summary, arguments, function in ways:
@@ -200,10 +194,11 @@ def piece_of(layer: Layer) -> ExportedLayer:
     if not isinstance(layer, AbstractEffect):
         return _contact(make)
     columns = tuple(name for field in fields_of(layer) for name in field.names)
+    formula = " ".join(layer.law.split())
     if isinstance(layer, ChannelLag):
         before = make.named("state", 0)
         begin, step = LayerComputation((before,), (), None), LayerComputation((before,), (), before)
-        return ExportedLayer(layer.name, layer.law, columns, begin, step, inverts=False, late=True)
+        return ExportedLayer(layer.name, formula, columns, begin, step, inverts=False, late=True)
     constants = [make.named("constant_of", _identifier(name)) for name in columns]
     begin, step = _traced(layer, make, constants)
     if touches := layer.level == Level.CONTACT:
@@ -211,7 +206,7 @@ def piece_of(layer: Layer) -> ExportedLayer:
     touch = len(step.memory) - 1 if touches else None
     name = _identifier(layer.name)
     name = f"{name}_effect" if name in ("contact", "material") else name
-    return ExportedLayer(name, layer.law, columns, begin, step, touch, layer.inverts)
+    return ExportedLayer(name, formula, columns, begin, step, touch, layer.inverts)
 
 
 def _contact(make: Expressions) -> ExportedLayer:

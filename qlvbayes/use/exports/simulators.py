@@ -10,8 +10,8 @@ import numpy as np
 from qlvbayes.io.wording import visible
 from qlvbayes.motion.phases import NAMES
 from qlvbayes.use.exports.card import ONE_DRAW, card, in_comment, template
-from qlvbayes.use.exports.code import c_files, layered
-from qlvbayes.use.exports.language import C
+from qlvbayes.use.exports.code import c_files, values_of
+from qlvbayes.use.exports.language import in_c
 from qlvbayes.use.exports.pad import ExportedPad
 from qlvbayes.use.exports.reduction import SI, Floats, Pressing, closest, fitted, pressing
 from qlvbayes.use.exports.target import AbstractTarget, Geometry
@@ -221,8 +221,7 @@ class MuJoCo(AbstractTarget):
         joint = k0 * x + k1 * x**2 + k2 * x**3 + c * v
         solref, solimp, touched = _contact(pressed)
         values = {
-            "p": pad.identifier,
-            "P": pad.identifier.upper(),
+            **values_of(pad, type(self), in_c(pad.identifier)),
             "stiffness": [k0, k1, k2],
             "damping": c,
             "solref": solref,
@@ -231,12 +230,11 @@ class MuJoCo(AbstractTarget):
             "depth": float(max(x)),
             "length": SI.factor_to(pad.units, "displacement"),
             "newton": pad.units.factor_to(SI, "force"),
-            **layered(pad, C(pad.identifier)),
         }
 
         def filled(file: str, *extra: str) -> bytes:
             text = in_comment(card(pad, type(self), extra))
-            return template(file, card=text, **values).encode()
+            return template(file, **values | {"card": text}).encode()
 
         constants: dict[str, float | list[float]] = {
             f"solref of {_MASS:g} kg (1/s2, 1/s)": solref,

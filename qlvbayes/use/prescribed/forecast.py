@@ -23,9 +23,7 @@ from qlvbayes.model.drawn import described_model
 from qlvbayes.model.model import Model
 from qlvbayes.model.stepping import check_inverse, displacement_from_force, without_inverse
 from qlvbayes.use.prescribed.hypotheses import DRAWS, DrawnHypothesis, Hypotheses
-from qlvbayes.use.prescribed.program import Program
-from qlvbayes.use.prescribed.table import read_table
-from qlvbayes.use.prescribed.text import parse
+from qlvbayes.use.prescribed.program import Program, parse, read_table
 
 _BATCH = 100  # draws run together: of a program of 50 000 points they take 40 MB a mode
 _NEAR = 1.05  # of a range, that still counts as inside it
