@@ -146,7 +146,7 @@ class Expressions:
             rows = parts.reshape(-1, *parts.shape[len(axes) :])
             return [_each(partial(self._folded, _REDUCTIONS[name]), list(rows))]
         if name == "dot_general":
-            return [self._product(*given, params["dimension_numbers"])]
+            return [self._product(given[0], given[1], params["dimension_numbers"])]
         raise TranslationError(f"its step uses {name}, which has no form in other languages")
 
     def _folded(self, op: str, *values: Expression) -> Expression:
