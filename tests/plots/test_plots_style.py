@@ -41,11 +41,6 @@ def test_a_figure_of_all_pads_is_not_drawn_for_one():
         constants.draw(None)
 
 
-FOUND = CheckResult(
-    pad="B", noise=0.01, cells=(Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5),)
-)
-
-
 def test_public_figures_are_had_from_the_package_which_draws_nothing_in():
     for name in plots.__all__:
         value = getattr(plots, name)
@@ -68,7 +63,8 @@ def test_settings_go_over_the_package_s_and_come_back():
             assert matplotlib.rcParams["font.size"] == 13.0
             assert matplotlib.rcParams["axes.labelsize"] == 12.0
             assert colours() == ("r", "k", *COLOURS[2:])
-        axis = plots.plot_residual_map(FOUND, PAD)
+        cell = Cell("a", "fit", 1.0, "ramp", 9, 0.02, 0.0, 0.9, 0.5)
+        axis = plots.plot_residual_map(CheckResult(pad="B", noise=0.01, cells=(cell,)), PAD)
         assert plots.figure_of(axis).axes[1].yaxis.label.get_size() == 12.0
     with style():
         assert matplotlib.rcParams["font.size"] == 7.5
