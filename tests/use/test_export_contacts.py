@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from simulators import of_drake, of_mujoco
 from support.endtoend import PADS, call
-from support.exported_pad import exported, write_fit
+from support.exported_pad import exported, missed, write_fit
 
 from qlvbayes.io.text import digest
 from qlvbayes.use.exports.reduction import pressing
@@ -76,6 +76,13 @@ def test_the_numbers_are_the_closest(pad, files):
     """No other stiffness or dissipation nearby has a smaller error against the model."""
     numbers, pressed = errors(files, "drake")["numbers"], pressing(pad)
     best = numbers["stiffness (N/m)"], numbers["dissipation (s/m)"]
+    text = files["drake"]["pad_B.sdf"].decode()
+    k, d = list(ElementTree.fromstring(text))[:2]
+    assert (float(k.text), float(d.text)) == best
+    assert k.tag.endswith("point_contact_stiffness")
+    assert d.tag.endswith("hunt_crossley_dissipation")
+    rms, largest, _ = missed(pressed, hunt_crossley(pressed.depth, pressed.speed, *best))
+    assert f"{rms:.0%} rms and {largest:.0%} at most" in text
 
     def off(k, d):
         force = hunt_crossley(pressed.depth, pressed.speed, k, d)
