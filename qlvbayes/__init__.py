@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from qlvbayes.app.bench.model import ByHand
     from qlvbayes.comparison.compare import compare
     from qlvbayes.comparison.contrast import Comparison
-    from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
+    from qlvbayes.diagnosis.diagnose import SearchProgress, StopSearch
     from qlvbayes.diagnosis.result import DiagnosisResult
     from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
     from qlvbayes.fitting.ensemble import Settings
@@ -75,11 +75,11 @@ _HOMES = {
     "Motion": "laws.motion.Motion",
     "Pad": "io.data.Pad",
     "Prediction": "fitting.prediction.Prediction",
-    "SearchProgress": "diagnosis.progress.SearchProgress",
+    "SearchProgress": "diagnosis.diagnose.SearchProgress",
     "Settings": "fitting.ensemble.Settings",
     "Specimen": "pipeline.specimen.Specimen",
     "Stepper": "use.stepper.Stepper",
-    "StopSearch": "diagnosis.progress.StopSearch",
+    "StopSearch": "diagnosis.diagnose.StopSearch",
     "Study": "pipeline.specimen.Study",
     "Test": "io.data.Test",
     "compare": "comparison.compare.compare",

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import butter, lfilter
 
 from qlvbayes import Choices, Pad, Test
-from qlvbayes.diagnosis.checks.adequacy import adequacy
+from qlvbayes.diagnosis.checks.structure import adequacy
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.optimum import find_start

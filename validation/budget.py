@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 from results import JOBS, Origin, Table, finished
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.heldout import error, leave_out, predicted
-from qlvbayes.diagnosis.checks.samples import rmse
+from qlvbayes.diagnosis.checks.samples import error, leave_out, predicted, rmse
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.fitting.least_squares import least_squares as scipys

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from qlvbayes.app.workers import OnProgress
-from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
+from qlvbayes.diagnosis.diagnose import SearchProgress, StopSearch
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import record_run

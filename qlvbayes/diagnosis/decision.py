@@ -1,6 +1,4 @@
-r"""The decision by probabilities: a pure function from a posterior over hypotheses to a verdict.
-
-What is named by it may still be refused after checks of the tests (`checks.naming`).
+r"""The decision: a pure function of probabilities and of the measured support of each effect.
 
 Each hypothesis H has a log posterior and the probability that the data also hold something
 unmodelled (the discrepancy is larger than the tolerance). An effect's inclusion probability is the
@@ -8,27 +6,37 @@ sum over all hypotheses that contain it,
 
 .. math:: P(e) = \sum_{H \ni e} P(H).
 
-An effect is named if this probability is `DiagnosisSettings.named` or more. Where no single effect
-reaches it, the smallest set that holds one of its members with probability
+An effect is named if this probability is `DiagnosisSettings.named` or more (`decide`). Where no
+single effect reaches it, the smallest set that holds one of its members with probability
 `DiagnosisSettings.covered` is the group. The forms of one effect (its family) count together, under
 the name of the candidate effect. An effect that belongs to no candidate's family names nothing: a
 hypothesis that contains one holds something unmodelled.
+
+What is named also needs support (`decide_with_support`). What is measured in the records beyond
+doubt, as a pull or a mass, has it. Any other effect has it if its certainty is enough: it is
+calibrated on blind studies, by how much and how surely tests left out are predicted better with it,
+and by how much of its force one strength makes (`certainty`). It also needs a probability of its
+own over all hypotheses, free curves among them. An effect that is probable only together with one
+that lacks support is not probable: the decision is that of the hypotheses with no effects but those
+that it named before, or had in a group, and that have support. Nothing counts as explained where
+structure that matters is left.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from typing import Self, TypeVar
 
 import numpy as np
 from scipy.special import softmax
 
 from qlvbayes.diagnosis.prior import Families
+from qlvbayes.diagnosis.result import Ranked, Verdict
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.wording import percent, plain
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -89,6 +97,8 @@ class Decision:
     # index of the hypothesis that stands for the answer: the most probable one with just the named
     # effects
     selected: int
+    # effects that are probable and not named, with the reasons
+    refused: dict[str, str] = field(default_factory=dict)
 
     @property
     def tried(self) -> tuple[str, ...]:
@@ -101,8 +111,8 @@ def decide(weights: Sequence[Weight], settings: DiagnosisSettings | None = None)
     settings = settings or DiagnosisSettings()
     shares = probabilities(weights).mean(axis=0)
     pairs = list(zip(weights, shares.tolist(), strict=True))
-    inclusion = _sum_by_key((name, p) for w, p in pairs for name in w.effects)
-    base = _sum_by_key((w.base, p) for w, p in pairs)
+    inclusion = sum_by_key((name, p) for w, p in pairs for name in w.effects)
+    base = sum_by_key((w.base, p) for w, p in pairs)
     unmodelled = sum(p * (w.unmodelled if w.nameable else 1.0) for w, p in pairs)
     named = tuple(name for name, p in inclusion.items() if p >= settings.named)
     if unmodelled > settings.likelier:
@@ -128,36 +138,116 @@ def probabilities(weights: Sequence[Weight]) -> Array:
 
 def ignore_unmodelled(weights: Sequence[Weight]) -> list[Weight]:
     """Return the weights as they are if nothing unmodelled is there."""
-    return [
-        replace(w, unmodelled=0.0, log_posterior=w.log_posterior if w.nameable else -np.inf)
-        for w in weights
-    ]
+    inside = [replace(weight, unmodelled=0.0) for weight in weights]
+    return _only(inside, [weight.nameable for weight in weights])
 
 
 def restrict_to(weights: Sequence[Weight], effects: Collection[str]) -> list[Weight]:
     """Return the weights as they are if no effects but these can be there."""
-    return [w if w.effects <= set(effects) else replace(w, log_posterior=-np.inf) for w in weights]
+    return _only(weights, [weight.effects <= set(effects) for weight in weights])
 
 
 def require(weights: Sequence[Weight], effects: set[str]) -> list[Weight]:
     """Return the weights as they are if some effects are there, where any hypothesis has them."""
-    having = [effects <= w.effects for w in weights]
-    if not any(own and w.counts for own, w in zip(having, weights, strict=True)):
-        return list(weights)
+    having = [effects <= weight.effects for weight in weights]
+    known = any(own and weight.counts for own, weight in zip(having, weights, strict=True))
+    return _only(weights, having) if known else list(weights)
+
+
+def _only(weights: Sequence[Weight], some: Sequence[bool]) -> list[Weight]:
+    """Return the weights as they are if only some hypotheses are possible."""
     return [
-        w if own else replace(w, log_posterior=-np.inf)
-        for own, w in zip(having, weights, strict=True)
+        weight if own else replace(weight, log_posterior=-np.inf)
+        for own, weight in zip(some, weights, strict=True)
     ]
 
 
-def apply_adequacy(decision: Decision, weights: Sequence[Weight], *, adequate: bool) -> Decision:
-    """Return the decision after the adequacy test of its selected hypothesis."""
-    if adequate or decision.verdict.has_unmodelled:
+def decide_with_support(
+    weights: Sequence[Weight],
+    ranking: Sequence[Ranked],
+    settings: DiagnosisSettings,
+    *,
+    adequate: Callable[[int], bool],
+    supported: Callable[[Ranked, int], Ranked],
+    alike: Collection[str] = (),
+) -> tuple[Decision, tuple[Ranked, ...]]:
+    """Return the decision after what was measured, and the ranking with the support it rests on.
+
+    Parameters
+    ----------
+    weights, ranking, settings
+        The figures of all hypotheses; every effect with its probability and its support in its
+        likeliest hypothesis; the thresholds.
+    adequate, supported
+        Whether what a hypothesis leaves, by its index, passes as noise or is small; an effect with
+        its support and certainty in a hypothesis.
+    alike
+        Effects that these tests cannot distinguish, whatever their probabilities.
+    """
+    known, refused = {one.effect: one for one in ranking}, dict[str, str]()
+    decision = _after_adequacy(weights, settings, adequate)
+    while new := refusals(decision, known, settings):
+        least = min(new, key=lambda name: known[name].certainty or 0.0)
+        refused[least] = new[least]
+        weights = restrict_to(weights, {*decision.effects, *decision.group} - {least})
+        decision = _after_adequacy(weights, settings, adequate)
+        for name in decision.tried:
+            known[name] = supported(known[name], decision.selected)
+    decision = replace(one_of(decision, alike, settings.group), refused=refused)
+    return decision, tuple(known.values())
+
+
+def _after_adequacy(
+    weights: Sequence[Weight], settings: DiagnosisSettings, adequate: Callable[[int], bool]
+) -> Decision:
+    """Return the decision, which also depends on the structure that its hypothesis leaves."""
+    decision = decide(weights, settings)
+    if decision.verdict.has_unmodelled:
+        modelled = ignore_unmodelled(weights)
+        inside = decide(modelled, settings)
+        if not adequate(inside.selected):
+            return decision
+        return replace(inside, unmodelled=decision.unmodelled)
+    if adequate(decision.selected):
         return decision
     if decision.effects:
         return replace(decision, verdict=Verdict.PARTLY_EXPLAINED, group=())
     selected = int(np.argmax([weight.log_posterior for weight in weights]))
     return replace(decision, verdict=Verdict.UNEXPLAINED, group=(), selected=selected)
+
+
+def refusals(
+    decision: Decision, known: Mapping[str, Ranked], settings: DiagnosisSettings
+) -> dict[str, str]:
+    """Return the effects of a decision that lack support, with the reasons."""
+    reasons = {
+        name: _against(known[name], settings, alone=name not in decision.group)
+        for name in decision.tried
+    }
+    return {name: reason for name, reason in reasons.items() if reason is not None}
+
+
+def _against(ranked: Ranked, settings: DiagnosisSettings, *, alone: bool) -> str | None:
+    """Return why an effect must not be named; of a group, only what speaks against each member."""
+    sure, own = ranked.certainty, ranked.support
+    if own is None or sure is None or (alone and sure >= settings.confirmed):
+        below = alone and ranked.inclusion < settings.likelier
+        return (
+            f"over all hypotheses its probability is {percent(ranked.inclusion)}" if below else None
+        )
+    if own.heldout is None:
+        return "at its likeliest constants it adds no force"
+    if own.heldout_gain < 0.0:
+        return "tests left out are predicted worse with it"
+    if not alone:
+        return None
+    if own.strengths is not None and sure >= settings.confirmed * own.strengths.agreement:
+        low, high = own.strengths.range
+        return (
+            f"from test to test its strength would have to be {plain(low, 2)} to {plain(high, 2)} "
+            "times its mean: something else looks like it"
+        )
+    return f"in blind studies an effect with such evidence and support was there in {percent(sure)}"
 
 
 def one_of(decision: Decision, alike: Collection[str], most: int) -> Decision:
@@ -177,7 +267,7 @@ def _selected(weights: Sequence[Weight], effects: set[str]) -> int:
     return int(np.argmax(np.where(same, logs, -np.inf) if same.any() else logs))
 
 
-def _sum_by_key(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
+def sum_by_key(pairs: Iterable[tuple[Key, float]]) -> dict[Key, float]:
     """Return the summed probability of each key, the largest first."""
     totals: dict[Key, float] = {}
     for key, share in pairs:
@@ -197,30 +287,10 @@ def _group(
         held = sum(share for rest, share in others if rest & set(group))
         if held >= settings.covered:
             break
-        left = _sum_by_key(
+        left = sum_by_key(
             (n, share) for rest, share in others if not rest & set(group) for n in rest
         )
         if not left:
             break
         group.append(next(iter(left)))
     return tuple(group)
-
-
-class Verdict(StrEnum):
-    """The verdict on one pad; the values are those of ``verdict`` in ``diagnosis.json``."""
-
-    ADEQUATE = "adequate"
-    """No effect is needed, and no phase of any test shows structure that matters."""
-    MISSING_EFFECT = "missing_effect"
-    """The named effects are in the model and leave no structure that matters."""
-    AMBIGUOUS = "ambiguous"
-    """Something is missing, and a group of effects explains it equally well."""
-    PARTLY_EXPLAINED = "partly_explained"
-    """The named effects are in the model, and something unmodelled is there too."""
-    UNEXPLAINED = "unexplained"
-    """Structure remains, and no effect can be named."""
-
-    @property
-    def has_unmodelled(self) -> bool:
-        """True if the verdict says that something is there which no candidate effect is."""
-        return self in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
-
-from msgspec import structs
+from dataclasses import dataclass, replace
 
 from qlvbayes.diagnosis.candidate import described
-from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
-from qlvbayes.diagnosis.result import Used
+from qlvbayes.diagnosis.decision import Decision, decide
 from qlvbayes.diagnosis.search import Report, Search
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.diagnosis.settings import DiagnosisSettings
@@ -24,7 +21,29 @@ from qlvbayes.io.runtime import forget_compiled, one_blas_thread
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import Experiment
-from qlvbayes.motion.specimen import pull_notices
+
+
+class StopSearch(Exception):  # noqa: N818 - it reports no error
+    """Exception that the callback ``watch`` of `diagnose` raises to end the search early.
+
+    The diagnosis is then made from the hypotheses that have been evaluated by that time. `diagnose`
+    catches the exception, which has no fields.
+    """
+
+
+@dataclass(frozen=True, eq=False)
+class SearchProgress:
+    """The state of a search that is still running.
+
+    doing: What the search does next, in words; seen: Number of hypotheses evaluated so far; best:
+    The most probable hypothesis so far; decision: What the verdict would be now, before the
+    selected hypothesis is tested.
+    """
+
+    doing: str
+    seen: int
+    best: Hypothesis
+    decision: Decision
 
 
 def diagnose(
@@ -46,35 +65,16 @@ def diagnose(
 
         def report_and_watch(text: str) -> None:
             report(text)
-            if progress := SearchProgress.from_search(search, text):
-                watch(progress)
+            if search.modes:
+                decision = decide(search.weights(), search.settings)
+                watch(SearchProgress(text, len(search.modes), search.best, decision))
 
         shown = direct_evidence(experiment, choices.bonded)
         search.measured = frozenset(one.effect for one in shown if one.beyond_doubt)
         search.report, search.seed = report_and_watch, seed
         with suppress(StopSearch):
             run_search(search)
-        summary = summarize(experiment, search, shown, kinds, choices.bonded, report)
-    known = (*choices.effects, *summary.result.effects)
-    notices = pull_notices(experiment, bonded=choices.bonded, effects=known)
-    result = structs.replace(
-        summary.result,
-        notices=(*experiment.notices, *notices, *summary.result.notices),
-        settings=_used(search, seed),
-    )
-    return Diagnosis(result, summary.work)
-
-
-def _used(search: Search, seed: int) -> Used:
-    """Return the settings of a search, with the laws and effects that it had to choose from."""
-    space = search.density.space
-    return Used(
-        thresholds=search.settings,
-        seed=seed,
-        elastic=tuple(space.elastic),
-        relaxation=tuple(space.relaxation),
-        effects=tuple(space.effects),
-    )
+        return summarize(experiment, search, shown, kinds, choices, report)
 
 
 def run_search(search: Search) -> None:
@@ -82,20 +82,20 @@ def run_search(search: Search) -> None:
     search.begin()
     search.expand_beam()
     sampled: set[Hypothesis] = set()
-    while _sample_next(search, sampled):
-        pass
+    while len(sampled) < search.breadth.sampled:
+        near = search.log_posterior(search.best) - search.breadth.rival
+        left = [one for one in search.modes if one not in sampled]
+        left = [one for one in left if search.log_posterior(one) > near]
+        if not left:
+            break
+        hypothesis = max(left, key=search.log_posterior)
+        sampled.add(hypothesis)
+        _sample(search, hypothesis)
 
 
-def _sample_next(search: Search, sampled: set[Hypothesis]) -> bool:
-    """Sample the evidence of the most probable hypothesis that counts and was not sampled yet."""
-    near = search.log_posterior(search.best) - search.breadth.rival
-    left = [one for one in search.modes if one not in sampled]
-    left = [one for one in left if search.log_posterior(one) > near]
-    if not left or len(sampled) >= search.breadth.sampled:
-        return False
-    hypothesis = max(left, key=search.log_posterior)
+def _sample(search: Search, hypothesis: Hypothesis) -> None:
+    """Sample the evidence of a hypothesis about its modes by importance."""
     search.report(f"evidence of {described(hypothesis)}")
-    sampled.add(hypothesis)
     first, *others = search.modes[hypothesis]
     pairs = [(one.mode, one.evidence) for one in (first, *others)]
     # the less probable a hypothesis, the less its evidence needs to be known
@@ -108,4 +108,3 @@ def _sample_next(search: Search, sampled: set[Hypothesis]) -> bool:
         evidence = replace(first.evidence, by_size=estimate.by_size, log=estimate.log)
         best = replace(first, evidence=evidence, log_evidence=estimate.log, error=estimate.error)
         search.modes[hypothesis] = [best, *others]
-    return True

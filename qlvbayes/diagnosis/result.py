@@ -2,16 +2,36 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated
 
 import msgspec
 
-from qlvbayes.diagnosis.decision import Verdict
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.io.files import Part, Result
 from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.io.wording import significant
 from qlvbayes.motion.evidence import DirectEvidence
+
+
+class Verdict(StrEnum):
+    """The verdict on one pad; the values are those of ``verdict`` in ``diagnosis.json``."""
+
+    ADEQUATE = "adequate"
+    """No effect is needed, and no phase of any test shows structure that matters."""
+    MISSING_EFFECT = "missing_effect"
+    """The named effects are in the model and leave no structure that matters."""
+    AMBIGUOUS = "ambiguous"
+    """Something is missing, and a group of effects explains it equally well."""
+    PARTLY_EXPLAINED = "partly_explained"
+    """The named effects are in the model, and something unmodelled is there too."""
+    UNEXPLAINED = "unexplained"
+    """Structure remains, and no effect can be named."""
+
+    @property
+    def has_unmodelled(self) -> bool:
+        """True if the verdict says that something is there which no candidate effect is."""
+        return self in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
 
 
 class Estimate(Part, frozen=True):
@@ -396,6 +416,11 @@ class DiagnosisResult(
         return self.stages[-1].effects
 
     @property
+    def told(self) -> tuple[str, ...]:
+        """Effects that the verdict speaks of: those named, and a group of which one is there."""
+        return tuple(dict.fromkeys((*self.effects, *self.group)))
+
+    @property
     def changed(self) -> list[str]:
         """Laws of the selected hypothesis that are not those of the baseline."""
         return self.stages[-1].base.others(self.stages[0].base)
@@ -403,7 +428,7 @@ class DiagnosisResult(
     @property
     def strengths(self) -> dict[str, Strengths]:
         """Strengths of each named effect that differ between tests, by its name."""
-        named = map(self.ranked, dict.fromkeys((*self.effects, *self.group)))
+        named = map(self.ranked, self.told)
         own = {one.effect: one.support.strengths for one in named if one and one.support}
         return {name: one for name, one in own.items() if one is not None and one.spread > 0.0}
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at, described
+from qlvbayes.diagnosis.decision import Weight
 from qlvbayes.diagnosis.prior import Families, log_prior, scale_amplitudes
 from qlvbayes.diagnosis.settings import Breadth, DiagnosisSettings
 from qlvbayes.effects.contacts import ContactOffset
@@ -118,6 +119,24 @@ class Search:
         less = candidate.hypothesis.less(form)
         self.evaluate(less, candidate.hypothesis)
         return self.candidates.get(less)
+
+    def weights(self) -> list[Weight]:
+        """Return the weight of every hypothesis evaluated, in the order of ``candidates``."""
+        discrepancy = self.density.discrepancy
+        limit = self.settings.tolerance * discrepancy.peak
+        return [
+            Weight(
+                one.hypothesis.base,
+                frozenset(self.added(one.hypothesis)),
+                self.log_posterior(one.hypothesis),
+                one.evidence.probability_above(discrepancy.sizes, limit),
+                one.hypothesis.elastic in self.nameable_laws,
+                error=one.error,
+            )
+            .made_finite()
+            .within(self.families)
+            for one in self.candidates.values()
+        ]
 
     def begin(self) -> None:
         """Evaluate the baseline model, and scale the priors of all amplitudes with it."""

@@ -9,8 +9,7 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.progress import SearchProgress
+from qlvbayes.diagnosis.diagnose import SearchProgress, diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.search import Report
 from qlvbayes.diagnosis.settings import DiagnosisSettings

@@ -18,12 +18,11 @@ from typing import Any, ClassVar, Protocol
 
 from msgspec.structs import replace
 
-from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.progress import SearchProgress
+from qlvbayes.diagnosis.diagnose import SearchProgress, diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.diagnosis.summary.curves import discrepancy
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.diagnosis.summary.discrepancy import discrepancy
 from qlvbayes.fitting.ensemble import Progress, Settings, remove_chain
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise, to_arviz
 from qlvbayes.fitting.prior_pull import pulled

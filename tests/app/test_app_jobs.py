@@ -12,7 +12,7 @@ from qlvbayes.app import steps
 from qlvbayes.app.steps import ProgressReporter, choices_of
 from qlvbayes.app.worker import serve
 from qlvbayes.diagnosis.decision import Decision
-from qlvbayes.diagnosis.progress import SearchProgress, StopSearch
+from qlvbayes.diagnosis.diagnose import SearchProgress, StopSearch
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 PATIENCE = 60.0  # s, for a thread to be heard

@@ -9,11 +9,16 @@ from hypothesis import strategies as st
 from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes.diagnosis.candidate import candidate_at
-from qlvbayes.diagnosis.checks.adequacy import adequacy
-from qlvbayes.diagnosis.checks.decisive import decisive, fewest, log_densities
-from qlvbayes.diagnosis.checks.heldout import HeldOut, error
-from qlvbayes.diagnosis.checks.samples import Samples, rmse
-from qlvbayes.diagnosis.checks.strengths import agreement, pooled, strengths
+from qlvbayes.diagnosis.checks.samples import HeldOut, Samples, error, rmse
+from qlvbayes.diagnosis.checks.structure import adequacy
+from qlvbayes.diagnosis.checks.support import (
+    agreement,
+    decisive,
+    fewest,
+    log_densities,
+    pooled,
+    strengths,
+)
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.diagnosis.settings import Imitation
 from qlvbayes.effects.catalogue import find

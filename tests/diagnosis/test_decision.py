@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qlvbayes.diagnosis.checks.naming import refusals
 from qlvbayes.diagnosis.decision import (
     Verdict,
     Weight,
-    apply_adequacy,
     decide,
+    decide_with_support,
     ignore_unmodelled,
     one_of,
+    refusals,
     require,
     restrict_to,
 )
@@ -41,7 +41,16 @@ def test_effects_are_named_by_their_probability_over_everything_else():
 
 
 def left(weights):
-    return apply_adequacy(decide(weights), weights, adequate=False)
+    """The decision where every hypothesis leaves structure that matters."""
+    sure = [ranked(name) for name in decide(weights).inclusion]
+    found, _ = decide_with_support(
+        weights, sure, DiagnosisSettings(), adequate=lambda index: False, supported=never
+    )
+    return found
+
+
+def never(one, index):
+    raise AssertionError
 
 
 def required(name):

@@ -24,8 +24,7 @@ from qlvbayes.diagnosis.description.source import (
     source_of,
 )
 from qlvbayes.diagnosis.result import LawPair
-from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.diagnosis.summary.work import DiagnosisWork
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis, DiagnosisWork
 from qlvbayes.effects.catalogue import EVERY, own_effects
 from qlvbayes.effects.conformance import check_effect
 from qlvbayes.io.units import PAD, STRAIN

@@ -7,11 +7,9 @@ import pytest
 from support.hidden_pads import FEW, hidden_pad
 
 from qlvbayes import Choices, InputError
-from qlvbayes.diagnosis.checks.heldout import error, leave_out, predicted
-from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.checks.samples import Samples, error, leave_out, predicted
 from qlvbayes.diagnosis.checks.sensitivity import responses, unseen
-from qlvbayes.diagnosis.diagnose import diagnose
-from qlvbayes.diagnosis.progress import StopSearch
+from qlvbayes.diagnosis.diagnose import StopSearch, diagnose
 from qlvbayes.diagnosis.searchsetup import build_search, protocol_of
 from qlvbayes.effects.catalogue import find
 from qlvbayes.simulate import HIDDEN, TABLE_1, full_retraction_protocol, paper_protocol

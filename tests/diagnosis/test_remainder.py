@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from support.hidden_pads import FEW
 
-from qlvbayes.diagnosis.checks.remainder import Remainder, StructuredPart, structured
+from qlvbayes.diagnosis.checks.structure import StructuredPart, sized, structured
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.inference.amplitude_prior import log_noticeable
@@ -73,16 +73,16 @@ def left(upper, shown=True, **changes):
 
 
 def remaining(*cells, excess=0.0, tolerance=0.01):
-    return Remainder(cells, 2.0, excess, tolerance, 0.1)
+    return sized(cells, 0.1, excess, 2.0, tolerance)
 
 
 def test_what_is_surely_below_the_tolerance_is_small_and_effects_have_the_same():
-    assert remaining(left(0.019), left(0.010)).is_small
-    assert not remaining(left(0.019), left(0.021)).is_small
-    assert remaining(left(0.019), left(0.5, shown=False)).is_small  # a wide bound shows nothing
-    assert not remaining(left(0.019), excess=0.021).is_small  # what no smooth curve sees
-    assert not remaining(left(0.019), tolerance=0.0).is_small
-    assert remaining(left(0.021), tolerance=0.02).is_small
+    assert remaining(left(0.019), left(0.010)).small
+    assert not remaining(left(0.019), left(0.021)).small
+    assert remaining(left(0.019), left(0.5, shown=False)).small  # a wide bound shows nothing
+    assert not remaining(left(0.019), excess=0.021).small  # what no smooth curve sees
+    assert not remaining(left(0.019), tolerance=0.0).small
+    assert remaining(left(0.021), tolerance=0.02).small
     large = left(0.01, test="B-9", phase="hold")
     cell = remaining(left(0.005), large, left(0.5, shown=False)).record
     assert (cell.test, cell.phase) == ("B-9", "hold")

@@ -54,10 +54,10 @@ def test_what_is_not_on_the_list_is_left_and_told(clipped):
 
 def test_what_names_nothing_and_is_in_the_prediction_is_told(clipped):
     """Predictions are averaged over the alternatives, whatever these hold."""
-    (first, *others), work = clipped.result.alternatives, clipped.work
-    name = min(work.search.families.unmodelled)
+    first, *others = clipped.result.alternatives
+    name = min(clipped.work.search.families.unmodelled)
     for share, told in ((0.6, 1), (0.001, 0)):
         held = structs.replace(first, effects=(*first.effects, name), probability=share)
         rest = [structs.replace(one, effects=()) for one in others]
-        said = _unnamed(structs.replace(clipped.result, alternatives=(held, *rest)), work)
+        said = _unnamed(structs.replace(clipped.result, alternatives=(held, *rest)), name, "this")
         assert len(said) == told

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from support.hidden_pads import FEW, hidden_pad
 
-from qlvbayes.diagnosis.checks.naming import contact_error, contact_notices
 from qlvbayes.diagnosis.result import Estimate
 from qlvbayes.diagnosis.searchsetup import build_search
+from qlvbayes.diagnosis.summary.summarizing import contact_error, contact_notices
 from qlvbayes.inference.errors.whitening import stage_changes
 from qlvbayes.io.data import Pad
 from qlvbayes.model.choices import Choices

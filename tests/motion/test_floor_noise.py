@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qlvbayes.diagnosis.checks.adequacy import combined
+from qlvbayes.diagnosis.checks.structure import combined
 from qlvbayes.fitting.prediction import realisations
 from qlvbayes.inference.errors.whitening import covariance
 from qlvbayes.motion.noisefloor import NoiseFloor

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.adequacy import Adequacy, adequacy
-from qlvbayes.diagnosis.checks.decisive import decisive
-from qlvbayes.diagnosis.checks.heldout import HeldOut, HeldOutPart, error, leave_out, predicted
-from qlvbayes.diagnosis.checks.remainder import Remainder, remainder
-from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
-from qlvbayes.diagnosis.decision import probabilities, require
+from qlvbayes.diagnosis.checks.samples import (
+    HeldOut,
+    HeldOutPart,
+    Samples,
+    cell_errors,
+    error,
+    leave_out,
+    predicted,
+    rmse,
+)
+from qlvbayes.diagnosis.checks.structure import Adequacy, Remainder, adequacy, remainder
+from qlvbayes.diagnosis.decision import probabilities, require, sum_by_key
 from qlvbayes.diagnosis.prior import log_odds_of_effect
-from qlvbayes.diagnosis.progress import weights_of
 from qlvbayes.diagnosis.result import (
     Alternative,
-    Decisive,
     Estimate,
     LawPair,
     NotRuledOut,
@@ -39,52 +44,76 @@ from qlvbayes.model.parameters import unit_kinds
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.facts import OF_UNLOADING, loaded_once
 
-LEAST = 0.02
+REPORTED = 0.02
 """Probability (odds of 50 to 1) below which something is not reported."""
 _SETS = 3  # sets of effects that are reported as not ruled out
 _ALTERNATIVES = 10  # hypotheses that are reported
 _NEGLIGIBLE = 10.0  # log posterior behind the best from which averages leave a hypothesis out
 
+Figure = TypeVar("Figure")
+
+
+def _once(
+    compute: Callable[[SearchOutcome, Candidate], Figure],
+) -> Callable[[SearchOutcome, Candidate], Figure]:
+    """Compute a figure of a candidate once for each hypothesis."""
+    known: str = compute.__name__
+
+    @wraps(compute)
+    def kept(self: SearchOutcome, candidate: Candidate) -> Figure:
+        figures = self.figures.setdefault(known, {})
+        if candidate.hypothesis not in figures:
+            figures[candidate.hypothesis] = compute(self, candidate)
+        return figures[candidate.hypothesis]
+
+    return kept
+
 
 class SearchOutcome:
     """The posterior over the H hypotheses of one search, and figures of any of them.
 
-    Figures that take a fit are computed once. ``candidates``, ``weights`` and ``shares`` (H,) hold
-    each hypothesis, its weight and its probability, ``draws`` (D, H) the probabilities within the
-    errors of the evidences, ``unpredicted`` the hypotheses that predict no finite force at some
-    samples. Effects that are ``measured`` in the records beyond doubt are in every hypothesis that
-    counts, where the search knows one with all of them.
+    ``candidates``, ``weights`` and ``shares`` (H,) hold each hypothesis, its weight and its
+    probability, ``draws`` (D, H) the probabilities within the errors of the evidences,
+    ``unpredicted`` the hypotheses that predict no finite force at some samples. Effects that are
+    ``measured`` in the records beyond doubt are in every hypothesis that counts, where the search
+    knows one with all of them.
     """
 
     def __init__(self, experiment: Experiment, search: Search) -> None:
         self.experiment, self.search = experiment, search
         candidates = set(search.families.nameable) - search.baseline.effects
         self.measured = candidates.intersection(search.measured)
-        point = search.modes[search.baseline][0].point
+        point = self.baseline.point
         model = point.own.model_at(point.constants)
         self.samples = Samples.from_experiment(experiment, search.density.space, model)
         self.candidates = list(search.candidates.values())
-        known = weights_of(search)
+        known = search.weights()
         self.without_evidence = sum(not weight.counts for weight in known)
         self.weights = require(known, self.measured)
+        self.logs = np.array([weight.log_posterior for weight in self.weights])
         self.draws = probabilities(self.weights)
         self.shares = self.draws.mean(axis=0)
-        self._left_out: dict[Hypothesis, list[HeldOut]] = {}
-        self._residuals: dict[Hypothesis, list[Array]] = {}
         self.unpredicted: set[Hypothesis] = set()
-        self._adequacies: dict[Hypothesis, Adequacy] = {}
+        self.figures: dict[str, dict[Hypothesis, Any]] = {}
+
+    @property
+    def baseline(self) -> Candidate:
+        """The model of the user's choices."""
+        return self.search.modes[self.search.baseline][0]
 
     @cached_property
     def alike(self) -> tuple[str, ...]:
-        """Effects that follow the largest depth, where only one test loads, and only once."""
+        """Effects that follow the largest depth, where only one test loads, and only once.
+
+        They are distinguished by how they grow with that depth. One test that loads to one depth
+        does not show this: it then hangs on the elastic law alone which of them is probable.
+        """
         return OF_UNLOADING if loaded_once(self.experiment) else ()
 
+    @_once
     def left_out(self, candidate: Candidate) -> list[HeldOut]:
         """Return what a candidate predicts of each part by a fit to all others."""
-        hypothesis = candidate.hypothesis
-        if hypothesis not in self._left_out:
-            self._left_out[hypothesis] = predicted(self.samples, self._parts, candidate.mode)
-        return self._left_out[hypothesis]
+        return predicted(self.samples, self._parts, candidate.mode)
 
     def acting(self, candidate: Candidate, effect: str) -> list[Array]:
         """Return the force (N) of an effect of a candidate at the samples of each part."""
@@ -98,68 +127,60 @@ class SearchOutcome:
         """The parts that are left out in turn."""
         return leave_out(self.search.density, self.samples)
 
+    @_once
     def residuals(self, candidate: Candidate) -> list[Array]:
         """Return measured minus predicted force (N) of each test's samples."""
-        hypothesis = candidate.hypothesis
-        if hypothesis not in self._residuals:
-            residuals = self.samples.residuals(self.search.density, candidate.mode)
-            known = [np.isfinite(one) for one in residuals]
-            if not all(one.all() for one in known):
-                self.unpredicted.add(hypothesis)
-            self._residuals[hypothesis] = [
-                np.where(here, one, force)
-                for here, one, force in zip(known, residuals, self.samples.observed, strict=True)
-            ]
-        return self._residuals[hypothesis]
+        residuals = self.samples.residuals(self.search.density, candidate.mode)
+        if not all(np.isfinite(one).all() for one in residuals):
+            self.unpredicted.add(candidate.hypothesis)
+        return [
+            np.where(np.isfinite(one), one, force)
+            for one, force in zip(residuals, self.samples.observed, strict=True)
+        ]
 
+    @_once
     def adequacy(self, candidate: Candidate) -> Adequacy:
         """Return the adequacy test of a candidate."""
-        hypothesis = candidate.hypothesis
-        if hypothesis not in self._adequacies:
-            record = self.search.density.space.record
-            self._adequacies[hypothesis] = adequacy(
-                self.experiment, record, candidate.point, self.search.settings.cells
-            )
-        return self._adequacies[hypothesis]
+        record, cells = self.search.density.space.record, self.search.settings.cells
+        return adequacy(self.experiment, record, candidate.point, cells)
 
+    @_once
     def remainder(self, candidate: Candidate) -> Remainder:
         """Return the size of the structure that a candidate leaves."""
         residuals, test = self.residuals(candidate), self.adequacy(candidate)
-        baseline = self.residuals(self.search.modes[self.search.baseline][0])
-        peak, settings = self.experiment.scales.force, self.search.settings
-        return remainder(self.samples, residuals, test, baseline, peak=peak, settings=settings)
+        baseline = self.residuals(self.baseline)
+        return remainder(self.samples, residuals, test, baseline, self.search.settings)
 
-    def beyond_white(self, candidate: Candidate) -> float:
-        """Return by how much the error of all samples exceeds the white noise (N)."""
+    def is_adequate(self, index: int) -> bool:
+        """Return whether what a hypothesis leaves passes as noise or is small."""
+        candidate, settings = self.candidates[index], self.search.settings
+        tested, rest = self.adequacy(candidate), self.remainder(candidate)
+        if tested.testable:
+            return tested.is_sound(settings) or rest.small
+        # how much the error of all samples exceeds the white noise
         white = [self.experiment.floor.white * own for own in self.samples.weights]
         noise = float(np.mean(np.concatenate(white) ** 2))
-        return math.sqrt(max(rmse(self.residuals(candidate)) ** 2 - noise, 0.0))
+        beyond = math.sqrt(max(rmse(self.residuals(candidate)) ** 2 - noise, 0.0))
+        return beyond <= settings.tolerance * self.experiment.scales.force
 
     def stage(self, candidate: Candidate) -> Stage:
         """Return the figures of one candidate."""
         residuals, tested = self.residuals(candidate), self.adequacy(candidate)
         level = 0.5 * self.search.settings.false_alarms / len(tested.cells)
+        failing = [StructuredPhase(c.test, c.phase) for c in tested.cells if c.p_value < level]
+        names, family = self.search.added(candidate.hypothesis), self.search.families.family_of
         return Stage(
             base=LawPair(*candidate.hypothesis.base),
-            effects=tuple(self._ordered(candidate)),
+            effects=tuple(sorted(names, key=lambda name: -self.inclusion(family[name]))),
             rmse=self.samples.error(residuals),
             heldout_rmse=finite_or_none(error(self.left_out(candidate))),
             log_evidence=finite_or_none(candidate.log_evidence),
             p_value=tested.p_value,
             testable=tested.testable,
-            failing=tuple(
-                dict.fromkeys(
-                    StructuredPhase(c.test, c.phase) for c in tested.cells if c.p_value < level
-                )
-            ),
+            failing=tuple(dict.fromkeys(failing)),
             cells=tuple(cell_errors(self.samples, residuals)),
-            parameters=self.estimates(candidate, lambda name: not name.startswith("noise.")),
+            parameters=self.estimates(candidate),
         )
-
-    def _ordered(self, candidate: Candidate) -> list[str]:
-        """Return the effects of a candidate, the most probable first."""
-        names = self.search.added(candidate.hypothesis)
-        return sorted(names, key=lambda name: -self.inclusion(self.search.families.family_of[name]))
 
     def inclusion(self, effect: str) -> float:
         """Return the probability that an effect is in the model, in any of its forms."""
@@ -169,84 +190,71 @@ class SearchOutcome:
         """Return which hypotheses (H,) have an effect, in any of its forms."""
         return np.array([effect in weight.effects for weight in self.weights])
 
-    def most_probable(self, inside: NDArray[np.bool_]) -> int:
-        """Return the index of the most probable of some hypotheses, a mask (H,)."""
-        return int(np.argmax(np.where(inside, self._log_posteriors, -np.inf)))
+    def form(self, index: int, effect: str) -> str:
+        """Return the form in which a hypothesis, by its index, has an effect."""
+        return self.weights[index].forms.get(effect, effect)
 
     def _share_of(self, inside: NDArray[np.bool_]) -> float:
         """Return the total probability of some hypotheses, as a mask (H,)."""
         return min(float(self.shares[inside].sum()), 1.0)
 
-    def estimates(self, candidate: Candidate, wanted: Callable[[str], bool]) -> dict[str, Estimate]:
-        """Return the wanted constants of a candidate by name, by Laplace's approximation."""
+    def estimates(self, candidate: Candidate) -> dict[str, Estimate]:
+        """Return the constants of a candidate's model by name, by Laplace's approximation."""
         point = candidate.point
         covariance = candidate.evidence.covariance + candidate.evidence.spread
         spread = point.slopes @ covariance @ point.slopes.T
         sds = np.sqrt(np.maximum(np.diag(spread), 0.0))
         every = estimates_at(self.experiment.units, point, sds)
-        return {name: estimate for name, estimate in every.items() if wanted(name)}
+        return {name: one for name, one in every.items() if not name.startswith("noise.")}
 
-    def ranking(self) -> tuple[Ranked, ...]:
-        """Return ``none`` and every candidate effect, the most probable first."""
+    def ranking(self) -> list[tuple[Ranked, int]]:
+        """Return ``none`` and every candidate effect, the most probable first.
+
+        With each comes the index of the most probable hypothesis that has it.
+        """
         chosen = self.search.baseline.effects
         names = [name for name in self.search.families.nameable if name not in chosen]
-        log_prior_odds = log_odds_of_effect(len(names), self.search.settings)
-        ranked: list[tuple[float, Ranked]] = []
+        prior_odds = log_odds_of_effect(len(names), self.search.settings)
+        without_any = np.array([not weight.effects for weight in self.weights])
+        ranked: list[tuple[float, Ranked, int]] = []
         for name in ("none", *names):
-            without_any = np.array([not weight.effects for weight in self.weights])
             inside = without_any if name == "none" else self.having(name)
             if inside.any():
-                odds = _log_odds(self._log_posteriors, inside)
-                odds -= 0.0 if name == "none" else log_prior_odds
-                ranked.append((odds, self._ranked(name, inside, odds)))
-        ranked.sort(key=lambda pair: (-pair[1].inclusion, -pair[0]))
-        return tuple(one for _, one in ranked)
+                odds = _log_odds(self.logs, inside) - (0.0 if name == "none" else prior_odds)
+                index = int(np.argmax(np.where(inside, self.logs, -np.inf)))
+                ranked.append((odds, self._ranked(name, inside, odds, index), index))
+        ranked.sort(key=lambda one: (-one[1].inclusion, -one[0]))
+        return [(one, index) for _, one, index in ranked]
 
-    @cached_property
-    def _log_posteriors(self) -> Array:
-        return np.array([weight.log_posterior for weight in self.weights])
-
-    def _ranked(self, name: str, inside: NDArray[np.bool_], odds: float) -> Ranked:
+    def _ranked(self, name: str, inside: NDArray[np.bool_], odds: float, index: int) -> Ranked:
         """Return the entry of one effect, which the hypotheses in a mask (H,) contain."""
-        index = self.most_probable(inside)
-        best, form = self.candidates[index], self.weights[index].forms.get(name, name)
-        own = self.estimates(best, lambda name: name.startswith(f"{form}."))
+        best, prefix = self.candidates[index], f"{self.form(index, name)}."
         counts = np.array([max(len(weight.effects), 1) for weight in self.weights])
-        share = self._share_of(inside)
         return Ranked(
             effect=name,
-            inclusion=share,
+            inclusion=self._share_of(inside),
             probability=float((self.shares / counts)[inside].sum()),
             log_bayes_factor=finite_or_none(odds),
             rmse=self.samples.error(self.residuals(best)),
-            parameters={key.removeprefix(f"{form}."): value for key, value in own.items()},
+            parameters=of_effect(self.estimates(best), prefix),
             inclusion_error=float(self.draws[:, inside].sum(axis=1).std()),
-            half=self._half(best, form) if name != "none" and share >= LEAST else None,
         )
-
-    def _half(self, candidate: Candidate, effect: str) -> Decisive | None:
-        """Return in how many readings half of an effect's evidence lies."""
-        without = self.search.candidates.get(candidate.hypothesis.less(effect))
-        if without is None:
-            return None
-        return decisive(self.search.density, self.experiment.trials, candidate, without)
 
     def constants(self, selected: Candidate) -> dict[str, Estimate]:
         """Return the constants of the base laws, averaged over all hypotheses with these laws."""
         base = selected.hypothesis.base
         same = [k for k, weight in enumerate(self.weights) if weight.base == base]
-        least = max(self.weights[k].log_posterior for k in same) - _NEGLIGIBLE
-        near = [k for k in same if self.weights[k].log_posterior > least]
-        estimates = [self.estimates(self.candidates[k], lambda name: "." not in name) for k in near]
-        return averaged([self.weights[k].log_posterior for k in near], estimates)
+        least = self.logs[same].max() - _NEGLIGIBLE
+        near = [k for k in same if self.logs[k] > least]
+        every = [self.estimates(self.candidates[k]) for k in near]
+        of_laws = [{name: one for name, one in own.items() if "." not in name} for own in every]
+        return averaged(self.logs[near].tolist(), of_laws)
 
     def sets(self) -> tuple[NotRuledOut, ...]:
         """Return the sets of effects over all base laws, the most probable first."""
-        totals: dict[frozenset[str], float] = {}
-        for weight, share in zip(self.weights, self.shares.tolist(), strict=True):
-            totals[weight.effects] = totals.get(weight.effects, 0.0) + share
-        best = sorted(totals.items(), key=lambda item: -item[1])[:_SETS]
-        return tuple(NotRuledOut(tuple(sorted(s)), p) for s, p in best if p >= LEAST)
+        pairs = zip((w.effects for w in self.weights), self.shares.tolist(), strict=True)
+        best = list(sum_by_key(pairs).items())[:_SETS]
+        return tuple(NotRuledOut(tuple(sorted(s)), p) for s, p in best if p >= REPORTED)
 
     def alternatives(self) -> tuple[Alternative, ...]:
         """Return single hypotheses, the most probable first."""
@@ -260,7 +268,7 @@ class SearchOutcome:
                 finite_or_none(self.candidates[k].error),
             )
             for k in order
-            if self.shares[k] >= LEAST
+            if self.shares[k] >= REPORTED
         )
 
 
@@ -271,6 +279,12 @@ def estimates_at(units: UnitSystem, point: Point, sds: Array) -> dict[str, Estim
         name: Estimate(units.of(kind), float(value), float(sd))
         for name, kind, value, sd in zip(point.own.names, kinds, point.constants, sds, strict=True)
     }
+
+
+def of_effect(constants: Mapping[str, Estimate], prefix: str) -> dict[str, Estimate]:
+    """Return the constants whose names begin with ``prefix``, without it."""
+    own = {name: one for name, one in constants.items() if name.startswith(prefix)}
+    return {name.removeprefix(prefix): one for name, one in own.items()}
 
 
 def _log_odds(logs: Array, inside: NDArray[np.bool_]) -> float:

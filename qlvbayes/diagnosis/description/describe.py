@@ -22,10 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate, candidate_at
-from qlvbayes.diagnosis.checks.heldout import error
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome, estimates_at
-from qlvbayes.diagnosis.checks.samples import cell_errors
-from qlvbayes.diagnosis.checks.strengths import strengths
+from qlvbayes.diagnosis.checks.samples import cell_errors, error
+from qlvbayes.diagnosis.checks.support import strengths
 from qlvbayes.diagnosis.description.fits import Fitted, LawFits
 from qlvbayes.diagnosis.description.proposals import Proposal
 from qlvbayes.diagnosis.description.source import formula_of

@@ -16,9 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.heldout import HeldOut, leave_out, predicted
 from qlvbayes.diagnosis.checks.outcome import SearchOutcome
-from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.checks.samples import HeldOut, Samples, leave_out, predicted
 from qlvbayes.diagnosis.description.grammar import Term, grammar
 from qlvbayes.diagnosis.description.proposals import Proposal, proposals
 from qlvbayes.diagnosis.description.source import ADDED_BY, References, load, name_of, source_of

@@ -4,11 +4,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from qlvbayes.diagnosis.candidate import Candidate
+from qlvbayes.diagnosis.checks.samples import Samples
+from qlvbayes.diagnosis.description.describe import NOTHING, Described
 from qlvbayes.diagnosis.description.source import ADDED_BY
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.summary.law import fit_command
+from qlvbayes.diagnosis.search import Search
+from qlvbayes.diagnosis.summary.grounds import PLACEHOLDERS, Typed, fit_command
 from qlvbayes.diagnosis.summary.words import paragraphs
-from qlvbayes.diagnosis.summary.work import DiagnosisWork, Typed
+from qlvbayes.motion.experiment import Experiment
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisWork:
+    """Search and samples that a diagnosis was computed from, for figures and predictions."""
+
+    experiment: Experiment
+    search: Search
+    samples: Samples  # samples of every test, and what predicts them
+    # the hypotheses from the baseline to the selected one, each at its highest mode
+    path: tuple[Candidate, ...]
+    law: Described = NOTHING  # what describes what no listed effect explains
+    typed: Typed = PLACEHOLDERS
+
+    @property
+    def selected(self) -> Candidate:
+        """The hypothesis that stands for the answer."""
+        return self.path[-1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,45 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from msgspec import structs
+import numpy as np
 
 from qlvbayes.diagnosis.candidate import Candidate
-from qlvbayes.diagnosis.checks.naming import contact_notices, final_decision, is_gap
-from qlvbayes.diagnosis.checks.outcome import LEAST, SearchOutcome
-from qlvbayes.diagnosis.checks.sensitivity import (
-    parameter_biases,
-    responses,
-    unmeasured,
-    unseen,
-)
-from qlvbayes.diagnosis.checks.support import supported
-from qlvbayes.diagnosis.decision import Decision, Verdict
+from qlvbayes.diagnosis.checks.outcome import REPORTED, SearchOutcome
+from qlvbayes.diagnosis.checks.sensitivity import parameter_biases, responses, unmeasured, unseen
+from qlvbayes.diagnosis.checks.support import supported, with_support
+from qlvbayes.diagnosis.decision import Decision, decide_with_support
 from qlvbayes.diagnosis.description.describe import NOTHING, Described, describe
 from qlvbayes.diagnosis.nexttest.planning import suggest
 from qlvbayes.diagnosis.result import (
     Base,
     DiagnosisResult,
+    Estimate,
     Excluded,
     Suggestion,
+    Used,
+    Verdict,
     Worst,
 )
 from qlvbayes.diagnosis.search import Report, Search
 from qlvbayes.diagnosis.searchsetup import protocol_of
-from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
-from qlvbayes.diagnosis.summary.work import DiagnosisWork
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis, DiagnosisWork
+from qlvbayes.effects.catalogue import by_family
 from qlvbayes.effects.contacts import ContactOffset
-from qlvbayes.effects.effect import AbstractEffect
+from qlvbayes.effects.effect import AbstractEffect, Protocol
 from qlvbayes.io.arrays import Array
-from qlvbayes.io.wording import joined, percent
+from qlvbayes.io.wording import joined, percent, plain
 from qlvbayes.laws.relaxation.law import unresolved_times
+from qlvbayes.model.choices import Choices
 from qlvbayes.motion.evidence import DirectEvidence
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.motion.record import Record
-from qlvbayes.motion.specimen import carryover_notices
+from qlvbayes.motion.specimen import carryover_notices, pull_notices
+
+_BEYOND = 2.0  # standard errors of a contact and an offset together, from which they contradict
 
 
 def summarize(
@@ -48,35 +48,62 @@ def summarize(
     search: Search,
     shown: tuple[DirectEvidence, ...],
     kinds: Sequence[type[AbstractEffect]],
-    bonded: bool,
+    choices: Choices,
     report: Report,
 ) -> Diagnosis:
     """Return the diagnosis that follows from a finished search and what the record shows."""
-    outcome = SearchOutcome(experiment, search)
+    outcome, settings = SearchOutcome(experiment, search), search.settings
+    protocol = protocol_of(experiment, bonded=choices.bonded, settings=settings)
     report("tests left out, and what is left")
-    decision, refused, ranking = final_decision(outcome, supported(outcome))
+    decision, ranking = decide_with_support(
+        outcome.weights,
+        supported(outcome),
+        settings,
+        adequate=outcome.is_adequate,
+        supported=lambda ranked, index: with_support(outcome, ranked, index),
+        alike=outcome.alike,
+    )
     selected = outcome.candidates[decision.selected]
     path = _path(search, selected)
     report("what these tests cannot show")
+    fields = {
+        **_decided(outcome, decision, selected),
+        "ranking": ranking,
+        **_left(outcome, selected, path),
+        **_not_shown(outcome, kinds, protocol),
+    }
+    known = (*choices.effects, *decision.tried)
+    pulls = pull_notices(experiment, bonded=choices.bonded, effects=known)
+    # after all figures, which may find forces not finite
+    notices = (*experiment.notices, *pulls, *_notices(outcome, decision, selected))
+    law = _law(outcome, decision, selected, protocol, report)
+    space = search.density.space
     result = DiagnosisResult(
         pad=experiment.pad,
         units=experiment.units,
         noise=experiment.floor.total,
-        refused=tuple(Excluded(name, why) for name, why in refused),
-        **_decided(outcome, decision, selected),
-        ranking=ranking,
-        **_left(outcome, selected, path),
-        **_not_shown(outcome, kinds, bonded),
-        notices=_notices(outcome, decision, selected),
+        **fields,
+        notices=notices,
         direct_evidence=shown,
+        description=law.record,
+        could_remove=law.families,
+        settings=Used(
+            thresholds=settings,
+            seed=search.seed,
+            elastic=tuple(space.elastic),
+            relaxation=tuple(space.relaxation),
+            effects=tuple(space.effects),
+        ),
     )
-    law = _law(outcome, decision, selected, bonded, report)
-    result = structs.replace(result, description=law.record, could_remove=law.families)
     return Diagnosis(result, DiagnosisWork(experiment, search, outcome.samples, path, law))
 
 
 def _law(
-    outcome: SearchOutcome, decision: Decision, selected: Candidate, bonded: bool, report: Report
+    outcome: SearchOutcome,
+    decision: Decision,
+    selected: Candidate,
+    protocol: Protocol,
+    report: Report,
 ) -> Described:
     """Return the law that describes what is left beside the named effects, where that matters."""
     search = outcome.search
@@ -84,21 +111,22 @@ def _law(
         return NOTHING
     forms = search.families.forms_in(selected.hypothesis.effects)
     named = {forms[name] for name in decision.effects if name in forms}
-    protocol = protocol_of(outcome.experiment, bonded=bonded, settings=search.settings)
     return describe(outcome, search.baseline.effects | named, protocol, report)
 
 
 def _decided(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> dict[str, Any]:
     """Return the fields that say what is missing, and with which laws and constants."""
     own, shares = selected.hypothesis.base, decision.base
+    forms = outcome.search.families.forms_in(selected.hypothesis.effects)
     unexplained = decision.verdict is Verdict.UNEXPLAINED
     return {
         "verdict": decision.verdict,
         "effects": decision.tried,
         "group": decision.group,
-        "forms": _forms(outcome.search, selected, decision),
+        "refused": tuple(Excluded(name, why) for name, why in decision.refused.items()),
+        "forms": {one: forms[one] for one in decision.tried if forms.get(one, one) != one},
         "base": Base(*own, shares[own]),
-        "bases": tuple(Base(*laws, share) for laws, share in shares.items() if share >= LEAST),
+        "bases": tuple(Base(*laws, p) for laws, p in shares.items() if p >= REPORTED),
         "outside": decision.unmodelled,
         "alternatives": outcome.alternatives(),
         "not_ruled_out": () if unexplained else outcome.sets(),
@@ -110,70 +138,26 @@ def _decided(outcome: SearchOutcome, decision: Decision, selected: Candidate) ->
 def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]) -> dict[str, Any]:
     """Return the fields on the errors: of each step, and what the selected hypothesis leaves."""
     stages = tuple(outcome.stage(one) for one in path)
-    remainder, worst = outcome.remainder(selected), stages[0].worst
+    worst = stages[0].worst
     return {
         "stages": stages,
         "discrepancy": selected.mode.size,
         "scatter": selected.scatter,
-        "tolerance": remainder.tolerance,
-        "remainder": remainder.record,
+        "tolerance": outcome.search.settings.tolerance,
+        "remainder": outcome.remainder(selected).record,
         "worst": Worst(worst.test, worst.phase, worst.rmse, worst.bias),
     }
 
 
 def _not_shown(
-    outcome: SearchOutcome, kinds: Sequence[type[AbstractEffect]], bonded: bool
+    outcome: SearchOutcome, kinds: Sequence[type[AbstractEffect]], protocol: Protocol
 ) -> dict[str, Any]:
     """Return the fields on effects that the tests cannot show, and on what those would bias."""
-    search = outcome.search
-    baseline = search.modes[search.baseline][0]
-    protocol = protocol_of(outcome.experiment, bonded=bonded, settings=search.settings)
+    search, baseline = outcome.search, outcome.baseline
     added = responses(search, baseline)
     candidates = [kind for kind in kinds if kind.name not in search.baseline.effects]
-    return {
-        "not_identifiable": (
-            *unseen(added, search, protocol),
-            *unmeasured(candidates, protocol),
-        ),
-        "biases": tuple(parameter_biases(added, baseline)),
-    }
-
-
-def _notices(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
-    """Return every notice of a diagnosis; after all figures, which may find forces not finite."""
-    return (
-        *unlikely_over_all(outcome, decision),
-        *_alike(outcome, decision),
-        *_of_contact(outcome, decision, selected),
-        *_not_counted(outcome),
-        *_of_tests(outcome.experiment, outcome.search, selected),
-    )
-
-
-def _alike(outcome: SearchOutcome, decision: Decision) -> tuple[str, ...]:
-    """Return a sentence where one test that loads once leaves open what follows its depth."""
-    alike = [name for name in decision.group if name in outcome.alike]
-    if len(alike) < 2:
-        return ()
-    return (
-        f"pad {outcome.experiment.pad}: {joined(alike)} all follow the largest depth so far, and "
-        "no load of this one test goes deeper than its first. That one of them is there is as "
-        "probable as stated; which of them, or whether the specimen yielded, depends on the "
-        "elastic law. Press a fresh specimen in steps to growing depths, back after each",
-    )
-
-
-def _of_contact(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
-    """Return a sentence where a named contact offset and the measured contact contradict."""
-    if ContactOffset.name not in decision.tried:
-        return ()
-    return contact_notices(outcome.experiment, outcome.estimates(selected, is_gap))
-
-
-def _forms(search: Search, selected: Candidate, decision: Decision) -> dict[str, str]:
-    """Return the forms of the named effects, where they are not the candidate effect itself."""
-    own = search.families.forms_in(selected.hypothesis.effects)
-    return {name: own[name] for name in decision.tried if own.get(name, name) != name}
+    hidden = (*unseen(added, search, protocol), *unmeasured(candidates, protocol))
+    return {"not_identifiable": hidden, "biases": tuple(parameter_biases(added, baseline))}
 
 
 def _path(search: Search, selected: Candidate) -> tuple[Candidate, ...]:
@@ -195,29 +179,48 @@ def _path(search: Search, selected: Candidate) -> tuple[Candidate, ...]:
 
 def _suggestions(outcome: SearchOutcome, decision: Decision) -> tuple[Suggestion, ...]:
     """Return the tests that would best distinguish the members of a group."""
-    rest = set(decision.effects)
     points = []
     for name in decision.group:
-        same = [
-            (weight.log_posterior, k)
-            for k, weight in enumerate(outcome.weights)
-            if weight.effects == rest | {name}
-        ]
+        effects = {*decision.effects, name}
+        same = [k for k, weight in enumerate(outcome.weights) if weight.effects == effects]
         if same:
-            points.append(outcome.candidates[max(same)[1]])
-    if len(points) < 2:
-        return ()
-    return tuple(suggest(outcome.experiment, points))
+            points.append(outcome.candidates[max(same, key=lambda k: (outcome.logs[k], k))])
+    return tuple(suggest(outcome.experiment, points)) if len(points) > 1 else ()
+
+
+def _notices(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
+    """Return every notice of a diagnosis."""
+    pad = f"pad {outcome.experiment.pad}: "
+    return (
+        *(pad + text for text in unlikely_over_all(outcome, decision)),
+        *(pad + text for text in _alike(outcome, decision)),
+        *_of_contact(outcome, decision, selected),
+        *(pad + text for text in _not_counted(outcome)),
+        *_of_tests(outcome.experiment, outcome.search, selected),
+    )
 
 
 def unlikely_over_all(outcome: SearchOutcome, decision: Decision) -> list[str]:
-    """Return a notice for each effect that is named only after a veto."""
+    """Return a notice for each effect that is named only after others were refused."""
     return [
-        f"pad {outcome.experiment.pad}: {name} is named after other effects were refused "
+        f"{name} is named after other effects were refused "
         f"(probability {percent(decision.inclusion[name])}); over all hypotheses its "
         f"probability is {percent(outcome.inclusion(name))}"
         for name in decision.effects
         if outcome.inclusion(name) < outcome.search.settings.named
+    ]
+
+
+def _alike(outcome: SearchOutcome, decision: Decision) -> list[str]:
+    """Return a sentence where one test that loads once leaves open what follows its depth."""
+    alike = [name for name in decision.group if name in outcome.alike]
+    if len(alike) < 2:
+        return []
+    return [
+        f"{joined(alike)} all follow the largest depth so far, and no load of this one test goes "
+        "deeper than its first. That one of them is there is as probable as stated; which of them, "
+        "or whether the specimen yielded, depends on the elastic law. Press a fresh specimen in "
+        "steps to growing depths, back after each"
     ]
 
 
@@ -232,7 +235,7 @@ def _not_counted(outcome: SearchOutcome) -> list[str]:
         notices.append(
             f"{count} {every} predict no finite force at some samples, which counts as zero force"
         )
-    return [f"pad {outcome.experiment.pad}: {text}" for text in notices]
+    return notices
 
 
 def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tuple[str, ...]:
@@ -253,3 +256,40 @@ def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tu
             "very many fit alike: probabilities are those among these hypotheses"
         )
     return (*carryover, *notices)
+
+
+def _of_contact(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
+    """Return a sentence where a named contact offset and the measured contact contradict."""
+    if ContactOffset.name not in decision.tried:
+        return ()
+    return contact_notices(outcome.experiment, outcome.estimates(selected))
+
+
+def contact_error(experiment: Experiment) -> float | None:
+    """Return the standard error of the contact of all tests together; None if none was measured."""
+    tests = [trial.test for trial in experiment.trials if trial.test.contact_sd]
+    own = {test.contact_stage or str(k): test.contact_sd for k, test in enumerate(tests)}
+    sds = np.array([sd for sd in own.values() if sd])
+    return float(np.sum(sds**-2.0) ** -0.5) if sds.size else None
+
+
+def contact_notices(experiment: Experiment, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """Return a sentence on each contact offset: within the measured contact's error, or beyond."""
+    error = contact_error(experiment)
+    if error is None:
+        return ()
+    notices = []
+    offsets = [kind.name for kind in by_family().get(ContactOffset.name, [])]
+    for effect, gap in [(one, estimates.get(f"{one}.gap")) for one in offsets]:
+        if gap is None:
+            continue
+        known = f"contact, which is known to {plain(error, 2)} {gap.unit}"
+        says = f"agrees with the measured {known}: it corrects it, and is no other effect"
+        if abs(gap.mean) > _BEYOND * np.hypot(gap.sd, error):
+            says = (
+                f"contradicts the measured {known}. One of the two is wrong: another effect looks "
+                "like an offset, or drag, a film or a lag has moved the measured onset of the "
+                "force. The option --contact states a contact where a machine's file is read"
+            )
+        notices.append(f"pad {experiment.pad}: {effect} of {gap} {says}")
+    return tuple(notices)
