@@ -28,8 +28,7 @@ from results import Origin, Table, commits_of, share
 
 from qlvbayes.cli.console import counting
 from qlvbayes.diagnosis.decision import Verdict
-from qlvbayes.diagnosis.description.describe import Described
-from qlvbayes.diagnosis.description.fits import Fitted
+from qlvbayes.diagnosis.description.describe import Described, Fitted
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.io.files import write_json
 from qlvbayes.model.choices import Choices
