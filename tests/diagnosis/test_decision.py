@@ -1,14 +1,16 @@
-"""The verdict as a function of numbers: tables in, words out."""
+"""The verdict as a function of numbers: priors, probabilities and certainty in, words out."""
 
+import math
+from itertools import combinations, product
 from types import SimpleNamespace
 
+import certainty as learning
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from msgspec import structs
 
+from qlvbayes.diagnosis.certainty import FEATURES, LEAST, calibration, certainty, features
 from qlvbayes.diagnosis.decision import (
-    Verdict,
     Weight,
     decide,
     decide_with_support,
@@ -18,10 +20,12 @@ from qlvbayes.diagnosis.decision import (
     require,
     restrict_to,
 )
-from qlvbayes.diagnosis.prior import Families
+from qlvbayes.diagnosis.prior import Families, log_prior
 from qlvbayes.diagnosis.result import Ranked, Strength, Strengths, Support
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.diagnosis.summary.summarizing import unlikely_over_all
+from qlvbayes.effects.catalogue import EFFECTS, EVERY
+from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 EXP = ("exponential", "prony:2")
 HERTZ = ("hertz", "prony:2")
@@ -29,15 +33,6 @@ HERTZ = ("hertz", "prony:2")
 
 def weight(effects, probability, *, base=EXP, unmodelled=0.0):
     return Weight(base, frozenset(effects.split()), float(np.log(probability)), unmodelled)
-
-
-def test_effects_are_named_by_their_probability_over_everything_else():
-    """No hypothesis alone has 0.9, the effect has it over all laws and companions."""
-    weights = [weight("drag", 0.5), weight("drag", 0.3, base=HERTZ), weight("drag leak", 0.15)]
-    found = decide([*weights, weight("friction", 0.05)])
-    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
-    assert found.inclusion["drag"] == pytest.approx(0.95)
-    assert found.base[HERTZ] == pytest.approx(0.3)
 
 
 def left(weights):
@@ -69,6 +64,9 @@ BESIDE_REFUSED = {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}
     ("decided", "weights", "verdict", "effects", "group"),
     [
         (decide, {"": 0.97, "friction": 0.03}, "adequate", "", ""),
+        # no hypothesis alone has 0.9, the effect has it over all its companions
+        (decide, {"drag": 0.5, "drag film": 0.3, "drag leak": 0.15, "": 0.05}, "missing_effect",
+         "drag", ""),
         (decide, {"drag": 0.55, "film": 0.43, "": 0.02}, "ambiguous", "", "drag film"),
         # a group may stand beside a named effect
         (decide, {"inertia drag": 0.6, "inertia film": 0.38, "": 0.02}, "ambiguous", "inertia",
@@ -91,6 +89,7 @@ def test_the_verdict_follows_from_the_probabilities(decided, weights, verdict, e
     assert found.verdict == verdict
     assert (set(found.effects), set(found.group)) == (set(effects.split()), set(group.split()))
     assert group or weights[found.selected].effects >= set(found.effects)
+    assert sum(found.base.values()) == pytest.approx(1.0)
 
 
 def test_what_stands_for_the_answer_beside_something_outside_and_noise():
@@ -173,7 +172,7 @@ def test_the_base_told_is_likely_without_what_is_refused():
     weights = [weight("film", 0.0004), *(weight(*one, base=HERTZ) for one in of_hertz)]
     found = decide(restrict_to(weights, {"film"}))
     assert weights[found.selected].base == EXP
-    assert found.base[EXP] == pytest.approx(0.8)
+    assert found.base == pytest.approx({EXP: 0.8, HERTZ: 0.2})
 
 
 FAMILIES = Families(
@@ -217,18 +216,100 @@ def test_what_names_nothing_is_outside_and_what_raises_the_error_is_not_named():
     assert (found.verdict, found.effects, found.selected) == ("missing_effect", ("lag",), 1)
 
 
-PROBABILITIES = st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=6)
+LAWS = (("x",), ("p",))
+BASELINE = Hypothesis("x", "p")
+# two families with forms, one without, and one that names nothing
+WITH_FORMS = Families(
+    {"a": "a", "a2": "a", "a3": "a", "b": "b", "b2": "b", "c": "c", "w": "w"}, frozenset({"w"})
+)
 
 
-@given(PROBABILITIES, st.data())
-def test_probabilities_are_probabilities(values, data):
-    names = st.sets(st.sampled_from(["drag", "film", "leak"]))
-    weights = [
-        weight(" ".join(data.draw(names)), value, unmodelled=data.draw(st.floats(0.0, 1.0)))
-        for value in values
-    ]
-    found = decide(weights)
-    assert found.verdict in list(Verdict)
-    assert sum(found.base.values()) == pytest.approx(1.0)
-    assert all(0.0 <= p <= 1.0 + 1e-9 for p in found.inclusion.values())
-    assert set(found.effects).isdisjoint(found.group)
+def prior(effects, families=WITH_FORMS, baseline=BASELINE):
+    hypothesis = Hypothesis("x", "p", frozenset(effects))
+    return math.exp(log_prior(hypothesis, baseline, LAWS, families, DiagnosisSettings()))
+
+
+def sets(names):
+    return [some for size in range(len(names) + 1) for some in combinations(names, size)]
+
+
+def test_prior_sums_to_one():
+    settings, effects = DiagnosisSettings(complete=0.5, chosen_law=0.6), ("a", "b", "c")
+    laws, families = (("x", "y", "z"), ("p", "q")), Families({name: name for name in effects})
+    total = sum(
+        math.exp(log_prior(Hypothesis(e, r, frozenset(some)), BASELINE, laws, families, settings))
+        for e, r, some in product(*laws, sets(effects))
+    )
+    # sets of more effects than there are would hold the rest
+    assert total == pytest.approx(1.0 - 0.5**4)
+    assert sum(map(prior, sets(WITH_FORMS.family_of))) == pytest.approx(1.0 - 0.5**5)
+
+
+@pytest.mark.parametrize(
+    ("effects", "probability"),
+    [
+        ((), 1 / 2),
+        (("c",), 1 / 4 / 4),  # one of four families
+        (("a",), 1 / 4 / 4 / 2),  # the listed law's half,
+        (("a2",), 1 / 4 / 4 / 4),  # and two forms share the other
+        (("a", "b2"), 1 / 8 / 6 / 2 / 2),  # one of six pairs
+        (("a3", "w"), 1 / 8 / 6 / 4),
+        (("a", "a2"), 0.0),  # one family twice
+    ],
+)
+def test_a_familys_members_share_its_probability(effects, probability):
+    assert prior(effects) == pytest.approx(probability, rel=1e-12, abs=0.0)
+
+
+def test_what_the_user_put_in_takes_its_family_and_families_follow_from_the_classes():
+    baseline = Hypothesis("x", "p", frozenset({"a2"}))
+    for effects, probability in (({"a2"}, 1 / 2), ({"a2", "c"}, 1 / 4 / 3), ({"a2", "a"}, 0.0)):
+        assert prior(effects, baseline=baseline) == pytest.approx(probability)
+    assert prior({"a2"}, Families({"a2": "a", "a3": "a", "c": "c"})) == pytest.approx(1 / 16)
+    assert prior({"friction"}, Families.from_kinds(EFFECTS)) == pytest.approx(0.25 / len(EFFECTS))
+    families = Families.from_kinds(EVERY)
+    forms = ["pressure_friction", "sharp_friction", "guide_friction"]
+    assert families.members("friction") == ["friction", *forms]
+    assert families.unmodelled == {"slow_change", "offsets_by_test"}
+    found = families.forms_in({"pressure_friction", "inertia", "slow_change"})
+    assert found == {"friction": "pressure_friction", "inertia": "inertia"}
+
+
+SUPPORT = Support(1.0, 3.0, 0.1, 0.2, 0.5, effects=1)
+
+
+def test_features_are_what_they_are_called_and_each_makes_surer_or_less_sure():
+    """They count as the ends of what the studies showed beyond these."""
+    assert np.allclose(features(50.0, SUPPORT), [math.asinh(50.0), 1.0, 3.0, 0.2, 0.0, 1.0])
+    assert len(features(50.0, SUPPORT)) == len(FEATURES)
+    surely = features(50.0, structs.replace(SUPPORT, heldout_sds=40.0, p_left=0.001))
+    assert (surely[2], surely[4]) == (5.0, 1.0)
+
+    def sure(factor=20.0, **changes):
+        return certainty(0.99, factor, structs.replace(SUPPORT, **changes))
+
+    assert sure(100.0) > sure(5.0)
+    for name, less, more in (
+        ("heldout_gain", 0.1, 1.5), ("heldout_sds", 0.5, 4.0), ("effects", 3, 1),
+        ("p_left", 0.0, 0.5), ("error_left", 1.0, 0.1),
+    ):  # fmt: skip
+        assert sure(**{name: less}) < sure(**{name: more}), name
+    assert sure(heldout_gain=40.0) == sure(heldout_gain=calibration().high[1])
+    whole, half = (sure(strengths=Strengths(0.1, one, ())) for one in (1.0, 0.5))
+    assert half == pytest.approx(0.5 * whole)
+    # hardly likely; nothing to compare with; no support
+    for known in ((0.5 * LEAST, 20.0, SUPPORT), (0.99, None, SUPPORT), (0.99, 20.0, None)):
+        assert certainty(*known) is None
+
+
+def test_the_weights_are_those_of_the_published_studies_and_calibrated_on_others():
+    """In no bin is the share that was there farther from the bin than chance allows (3 sd)."""
+    known = calibration()
+    learnt = learning.weights_of(list(known.runs))
+    assert np.allclose(learnt["weights"], known.weights, rtol=1e-6)
+    assert learnt["names"] == known.names
+    assert [tuple(one) for one in learnt["bins"]] == list(known.bins)
+    for low, high, count, there in known.bins:
+        middle = 0.5 * (low + high)
+        spread = math.sqrt(middle * (1.0 - middle) / count)
+        assert low - 3.0 * spread < there / count < high + 3.0 * spread

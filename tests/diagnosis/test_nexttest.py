@@ -1,17 +1,12 @@
 """Check what further tests would show, by closed forms, Monte Carlo and tests that a rig can do."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from msgspec import structs
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
-from support.endtoend import PADS, call, one_line
-from support.exported_pad import write_fit
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
@@ -21,11 +16,10 @@ from qlvbayes.diagnosis.nexttest.information import Products, Readings, between,
 from qlvbayes.diagnosis.nexttest.planning import Goal, plan_tests
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.effects.catalogue import EVERY
-from qlvbayes.io.text import digest
 from qlvbayes.io.units import PAD
 from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.noisefloor import NoiseFloor
-from qlvbayes.pipeline.designing import PAUSE, as_csv, design_into, set_points
+from qlvbayes.pipeline.designing import PAUSE, as_csv, set_points
 
 RIG = Rig(depth=1.6, speed=40.0, acceleration=1000.0)
 READINGS = Readings(RIG, NoiseFloor(white=0.006, ou=0.008, tau=0.5), peak=1.5)
@@ -102,8 +96,7 @@ def test_bits_are_those_of_the_textbook_and_what_one_may_take_is_not_known_of_an
     assert found.bits_for(0, again)[0] == pytest.approx(0.5 * np.log2(11.0), abs=1e-6)
 
 
-@given(st.integers(0, 10_000))
-@settings(max_examples=12, deadline=None)
+@pytest.mark.parametrize("seed", range(4))
 def test_distances_are_those_between_normals(seed):
     rng = np.random.default_rng(seed)
     one, two = rng.normal(size=(3, 5)), rng.normal(size=(4, 5))
@@ -121,8 +114,8 @@ def test_distances_are_those_between_normals(seed):
     assert found.evidence()[0] == pytest.approx(2.0 * min(far))
 
 
-@given(st.integers(0, 10_000), st.sampled_from(["abc", "aba"]))
-@settings(max_examples=10, deadline=None)
+@pytest.mark.parametrize("causes", ["abc", "aba"])
+@pytest.mark.parametrize("seed", range(3))
 def test_bits_for_the_cause_lie_between_their_bounds(seed, causes):
     """Against Monte Carlo over the exact mixture: explanations 0 and 2 may be of one cause."""
     rng = np.random.default_rng(seed)
@@ -151,7 +144,7 @@ def test_of_causes_that_differ_little_a_third_of_the_way_between_the_bounds_is_e
     assert between(low, high)[0] == pytest.approx(exact, rel=0.01)
 
 
-def test_laws_of_one_cause_are_one_answer():
+def test_laws_of_one_cause_are_one_answer_and_what_the_model_misses_makes_a_test_less_sure():
     """Two explanations far apart tell nothing of a cause that both have, all of another."""
     both = [law([0.001], 0.6, cause="drag"), law([0.001], 0.4, force=0.1, cause="drag")]
     one = Belief.from_explanations(both)
@@ -163,6 +156,14 @@ def test_laws_of_one_cause_are_one_answer():
     low, _ = screen(two, [PRESS], READINGS).bits_for_cause()
     assert low[0] == pytest.approx(two.entropy, abs=0.01)
     assert two.entropy == pytest.approx(1.0)
+    # 0.1 N that the model misses leave two explanations 0.01 N apart as they were
+    near = Belief.from_explanations([law([0.001]), law([0.001], force=0.01)])
+    clear, doubtful = (
+        screen(near, [PRESS], replace(READINGS, missed=missed)) for missed in (0.0, 0.1)
+    )
+    assert clear.bits_for_cause()[0][0] > 0.3
+    assert doubtful.bits_for_cause()[1][0] < 0.5 * clear.bits_for_cause()[0][0]
+    assert doubtful.evidence()[0] < 0.1 * clear.evidence()[0]
 
 
 def test_a_cause_counts_by_all_its_laws_and_forms():
@@ -221,22 +222,9 @@ def test_the_closed_form_is_that_of_nested_monte_carlo(pad):
     assert found == pytest.approx(expected, abs=4.0 * error)
     assert error < 0.05 * expected
     assert bits(pad, READINGS, one.names) == pytest.approx(expected, rel=1e-3)
-
-
-def test_more_noise_tells_less(pad):
     loud = replace(READINGS, floor=NoiseFloor(0.012, 0.016, 0.5))
     few = replace(READINGS, rig=structs.replace(RIG, rows=100))
     assert max(bits(pad, loud), bits(pad, few)) < bits(pad, READINGS)
-
-
-def test_what_the_model_misses_makes_a_test_less_sure():
-    """0.1 N of noise and two explanations 0.01 N apart leave them as they were."""
-    belief = Belief.from_explanations([law([0.001]), law([0.001], force=0.01)])
-    clear = screen(belief, [PRESS], READINGS)
-    doubtful = screen(belief, [PRESS], replace(READINGS, missed=0.1))
-    assert clear.bits_for_cause()[0][0] > 0.3
-    assert doubtful.bits_for_cause()[1][0] < 0.5 * clear.bits_for_cause()[0][0]
-    assert doubtful.evidence()[0] < 0.1 * clear.evidence()[0]
 
 
 def test_a_pad_has_recovered_when_its_modes_have():
@@ -247,8 +235,9 @@ def test_a_pad_has_recovered_when_its_modes_have():
     assert belief.recovery(0.001) < 0.2  # nothing was excited
 
 
-@given(st.integers(0, 1000), st.floats(0.1, 5.0), st.floats(1.0, 100.0), st.floats(50.0, 5000.0))
-@settings(max_examples=8, deadline=None)
+@pytest.mark.parametrize(
+    ("seed", "depth", "speed", "acceleration"), [(0, 0.1, 100.0, 50.0), (1, 5.0, 1.0, 5000.0)]
+)
 def test_set_points_stay_within_the_rig(seed, depth, speed, acceleration):
     rig, recovery = Rig(depth, speed, acceleration), Belief((law([1.0]),)).recovery
     designs = draw_designs(rig, recovery, 120.0, 16, seed)
@@ -309,82 +298,3 @@ def test_a_plan_repeats_with_its_seed_and_fits_its_time(pad):
     assert rates == sorted(rates, reverse=True)
     with pytest.raises(InputError, match=r"no test fits into 0\.1 minutes"):
         plan(0, 0.1)
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    return write_fit(tmp_path_factory.mktemp("fitted"), source=PADS, sha256=digest(PADS))
-
-
-@pytest.mark.slow
-def test_the_command_leaves_a_plan_that_can_be_run(fitted):
-    status, out, _ = call(
-        "design", fitted, "--pad", "B", "--for", "m,b", "--minutes", 3, "--tests", 1, "--json",
-        drawn=True,
-    )  # fmt: skip
-    assert status == 0
-    (found,) = json.loads(out)
-    assert found == json.loads((fitted / "B" / "design.json").read_text())
-    assert found["constants"] == ["m", "b"]
-    assert not found["cause"]
-    assert found["widths"]["m"]["after"] < found["widths"]["m"]["now"]
-    (test,) = found["tests"]
-    assert test["depth_mm"] <= found["limits"]["depth_mm"]
-    assert {"retraction_share", "rest_s", "pause_s", "duration_s", "cycles"} < set(test)
-    for name in ("set_points.csv", "design.png", "design.pdf"):
-        assert (fitted / "B" / name).stat().st_size > 1000
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (("--pad", "Z"), "no results of pad 'Z'; name of B"),
-        (("--for", "q"), "no constant 'q'; use cause, m, b"),
-        (("--for", "cause"), "no diagnosis of this pad; run qlvbayes diagnose"),
-        (("--minutes", "0.2"), "no test fits into 0.2 minutes"),
-        (("--minutes", "-1"), "--minutes is -1; give it above 0"),
-        (("--limits", "depth=0"), "--limits depth '0' are not numbers above 0"),
-        (("--limits", "depth=1e-3"), "a depth of at most 0.001 mm, where the tests had"),
-        (("--data", "nowhere.csv"), "nowhere.csv: no such file"),
-    ],
-)
-def test_bad_input_is_one_line(fitted, words, says):
-    status, out, err = call("design", fitted, *words)
-    assert (status, out) == (2, "")
-    assert says in one_line(err)
-
-
-def test_a_folder_without_results_is_named(tmp_path):
-    with pytest.raises(InputError, match="neither a fit nor a diagnosis"):
-        design_into(tmp_path, "B", (), minutes=1.0, tests=1)
-
-
-@pytest.mark.slow
-def test_the_cause_of_a_pad_with_two_explanations_is_asked_for(tmp_path):
-    """A drag that a set may go with: what is proposed promises to tell one from the other."""
-    data, folder = tmp_path / "pad.csv", tmp_path / "out"
-    hidden = "power_law_drag:k=0.003,n=0.9"
-    call("simulate", "-o", data, "--pads", "B", "--rates", "0.1,1,20,100", "--max-rows", 300,
-         "--hide", hidden)  # fmt: skip
-    assert call("diagnose", data, "-o", folder)[0] == 0
-    status, out, _ = call("design", folder, "--for", "cause", "--tests", 1, "--json")
-    assert status == 0
-    (found,) = json.loads(out)
-    assert found["cause"]
-    assert found["constants"] == []
-    assert found["entropy"] > 0.3
-    assert sum(found["causes"].values()) == pytest.approx(1.0)
-    assert {one["cause"] for one in found["hypotheses"]} == set(found["causes"])
-    (best,) = found["tests"]
-    assert 0.0 <= best["cause"] <= best["cause_most"] <= found["entropy"] + 1e-9
-    judged = best["judged"]
-    assert best["cause"] < judged["cause"] == best["total"] < best["cause_most"]
-    assert judged["cause"] > judged["cause_error"] > 0.0
-    assert found["together"] == pytest.approx(judged)
-    assert best["per_minute"] == pytest.approx(best["total"] / best["minutes"])
-    moved = tmp_path / "elsewhere.csv"
-    data.rename(moved)
-    status, _, err = call("design", folder, "--for", "cause")
-    assert status == 2
-    assert "say where they are with --data FILE" in one_line(err)
-    assert call("design", folder, "--for", "cause", "--data", PADS)[0] == 2
