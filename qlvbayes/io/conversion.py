@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,14 +14,13 @@ import numpy as np
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.binary import WORKBOOK, of_sheets
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.contact import FirstContact, Signs
 from qlvbayes.io.files import write_whole
 from qlvbayes.io.formats import known_formats, matching, recognised
 from qlvbayes.io.layouts import Layout, stated_layout
 from qlvbayes.io.loading import Answers, Loaded, usable_tests
 from qlvbayes.io.naming import clocks_of, names_of, remarks_on, with_pads
 from qlvbayes.io.orienting import oriented_tests, without_copies
-from qlvbayes.io.readings import LEAST_SAMPLES, Sampling
+from qlvbayes.io.readings import LEAST_SAMPLES
 from qlvbayes.io.recording import Format, Recording, UnsureError
 from qlvbayes.io.text import head_of, is_text
 from qlvbayes.io.units import UnitSystem, column_name
@@ -33,67 +32,6 @@ _FINEST = 1e-10  # last digit written over the largest value, far below any sens
 
 
 @dataclass(frozen=True, eq=False)
-class Tidied:
-    """A test in tidy form, and the findings of the conversion, each with its numbers.
-
-    ``time`` (s) begins at zero; ``displacement`` and ``force`` are in ``units``, and pressing is
-    positive. ``named`` is the test's name in the file. ``start_s`` is the pad's clock at the first
-    row, where the files state it. ``contact`` is the contact that the rise of the force shows, in
-    the file's own zero; ``zero`` was subtracted from the displacement, and ``zero_sd`` is its
-    standard error, where it was measured. Tests of one ``contact_stage`` share that error.
-    ``tare_sd`` is the standard error of the force's zero, 0 where it was not measured.
-    """
-
-    file: Path
-    format: Format
-    pad: str
-    test: str
-    named: str
-    units: UnitSystem
-    time: Floats
-    displacement: Floats
-    force: Floats
-    start_s: float | None
-    signs: Signs
-    contact: FirstContact | None
-    zero: float
-    zero_sd: float | None
-    contact_stage: str
-    tare_sd: float
-    sampling: Sampling
-    dropped: dict[str, int]
-    findings: tuple[str, ...]
-
-    @property
-    def prescribed_force(self) -> bool:
-        """Return whether the force never changes, as under a dead weight: the test is creep."""
-        return bool(np.ptp(self.force) == 0.0)
-
-    def as_dict(self) -> dict[str, object]:
-        """Return the conversion of this test as a dictionary for JSON."""
-        contact = self.contact
-        return {
-            "file": str(self.file),
-            "format": self.format.name,
-            "pad": self.pad,
-            "test": self.test,
-            "units": asdict(self.units),
-            "turned": {"displacement": self.signs.way < 0, "force": self.signs.load < 0},
-            "contact": contact and {"place": contact.position, "sd": contact.sd},
-            "zero": self.zero,
-            "zero_sd": self.zero_sd,
-            "contact_stage": self.contact_stage or None,
-            "tare_sd": self.tare_sd,
-            "rows": len(self.time),
-            "step_s": self.sampling.step,
-            "lag_s": self.sampling.lag,
-            "start_s": self.start_s,
-            "dropped": self.dropped,
-            "findings": list(self.findings),
-        }
-
-
-@dataclass(frozen=True, eq=False)
 class Conversion:
     """All tests of some files, converted to one system of units.
 
@@ -101,7 +39,7 @@ class Conversion:
     taken as those of one pad may be of several, where nobody has stated it.
     """
 
-    tests: tuple[Tidied, ...]
+    tests: tuple[Loaded, ...]
     units: UnitSystem
     faults: tuple[InputError, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -214,7 +152,7 @@ def _first_row(one: Loaded, zero: Zero) -> int:
     if contact is None or contact is not one.contact:
         return 0
     # where the user states an earlier contact, that one; what rubs has its history from rest on
-    until = min(contact.rows, int(np.argmax(one.way > zero.position)))
+    until = min(contact.rows, int(np.argmax(one.displacement > zero.position)))
     until = min(until, one.moved) if contact.sliding else until
     first = int(np.searchsorted(one.time, one.time[until] - _LEAD))
     if len(one.time) - first < LEAST_SAMPLES:
@@ -231,7 +169,7 @@ def _tidied(
     units: UnitSystem,
     start: float | None,
     remark: str | None,
-) -> Tidied:
+) -> Loaded:
     """Return a test with its name and zero, in the units of all tests, from its first row on."""
     if units.dimensionless != one.units.dimensionless:
         raise InputError(
@@ -241,7 +179,7 @@ def _tidied(
         )
     if first:
         one.dropped[f"rows of the approach, more than {_LEAD:g} s before contact"] = first
-    way, load = one.way[first:] - zero.position, one.load[first:] - zero.force
+    way, load = one.displacement[first:] - zero.position, one.force[first:] - zero.force
     sd, tare_sd = zero.sd, zero.tare_sd
     if units != one.units:
         length, newtons = (one.units.factor_to(units, kind) for kind in ("displacement", "force"))
@@ -258,14 +196,15 @@ def _tidied(
     if units != one.units:
         way_in, load_in = units.displacement, units.force
         findings.append(f"converted to {way_in} and {load_in}, the units of the first file")
-    return Tidied(
-        one.file, one.kind, one.pad, name, one.named, units, one.time[first:] - one.time[first],
-        way, load, start, one.signs, zero.contact, zero.position, sd, zero.stage, tare_sd,
-        one.sampling, one.dropped, tuple(findings),
+    time = one.time[first:] - one.time[first]
+    return replace(
+        one, test=name, units=units, time=time, displacement=way, force=load, start_s=start,
+        contact=zero.contact, zero=zero.position, zero_sd=sd, contact_stage=zero.stage,
+        tare_sd=tare_sd, findings=tuple(findings),
     )  # fmt: skip
 
 
-def _by_clock(tests: Sequence[Tidied]) -> list[Tidied]:
+def _by_clock(tests: Sequence[Loaded]) -> list[Loaded]:
     """Return tests in which those of a pad with a clock follow one another by it."""
     ordered = list(tests)
     for pad in {test.pad for test in tests}:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -111,27 +111,36 @@ def pattern_of(text: str) -> re.Pattern[str]:
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A recording in tidy units and in order: ``time`` (s), ``way`` and ``load`` (n,) in ``units``.
+    """A test of a machine's file in tidy units, and what was found of it, each with its numbers.
 
     ``signs`` are those that it shows; once it is oriented, they are the factors by which pressing
     has become positive, and ``contact`` is its first contact, None where it shows none; ``sliding``
-    is the contact of a platen whose guide rubs before, if that is what the first rise may be.
+    is the contact of a platen whose guide rubs before, if that is what the first rise may be. Once
+    it is tidy, ``zero`` was subtracted from the displacement, and ``zero_sd`` is its standard
+    error, where it was measured. Tests of one ``contact_stage`` share that error. ``tare_sd`` is
+    the standard error of the force's zero, 0 where it was not measured.
     """
 
     file: Path
-    kind: Format
-    pad: str
+    format: Format
     recording: Recording
     units: UnitSystem
-    time: Floats
-    way: Floats
-    load: Floats
+    time: Floats  # (n,) in s; a tidy test begins at zero
+    displacement: Floats  # (n,) in ``units``
+    force: Floats
     sampling: Sampling
     dropped: dict[str, int]
     signs: Signs
     findings: tuple[str, ...]
+    pad: str = ""
+    test: str = ""
     contact: FirstContact | None = None
     sliding: FirstContact | None = None
+    start_s: float | None = None  # the pad's clock at the first row, where the files state it
+    zero: float = 0.0
+    zero_sd: float | None = None
+    contact_stage: str = ""
+    tare_sd: float = 0.0
 
     @property
     def named(self) -> str:
@@ -150,17 +159,17 @@ class Loaded:
     @property
     def of_layout(self) -> tuple[str, str, str]:
         """Return what is equal for recordings whose columns have the same signs."""
-        return self.kind.name, self.recording.way.name, self.recording.load.name
+        return self.format.name, self.recording.way.name, self.recording.load.name
 
     @property
     def stage(self) -> tuple[object, ...]:
         """Return what is equal for recordings whose displacement may have one zero."""
-        return self.pad, self.kind.name, self.units, self.signs.way
+        return self.pad, self.format.name, self.units, self.signs.way
 
     @property
     def peak(self) -> float:
         """Return the largest force."""
-        return float(self.load.max())
+        return float(self.force.max())
 
     @property
     def approached(self) -> bool:
@@ -168,7 +177,7 @@ class Loaded:
         if self.contact is None:
             return False
         return (
-            self.contact.is_beyond(float(self.way[0]))
+            self.contact.is_beyond(float(self.displacement[0]))
             or abs(self.contact.force) <= _REST * self.peak
         )
 
@@ -176,21 +185,21 @@ class Loaded:
     def speed(self) -> float:
         """Return the speed from before contact until the force has risen, 0 where it shows none."""
         before = max(self.contact.rows - 1, 0) if self.contact is not None else 0
-        start = force_at_start(self.way, self.load)
-        risen = self.load[before + 1 :] >= start + _RISEN * (self.peak - start)
+        start = force_at_start(self.displacement, self.force)
+        risen = self.force[before + 1 :] >= start + _RISEN * (self.peak - start)
         after = before + 1 + int(np.argmax(risen))
-        moved = float(self.way[after] - self.way[before])
+        moved = float(self.displacement[after] - self.displacement[before])
         return abs(moved) / float(self.time[after] - self.time[before])
 
     @property
     def force_at_first(self) -> float:
         """Return the force at the first position alone: in a test that moves at once it rises."""
-        return float(np.median(self.load[: max(self.moved, 1)]))
+        return float(np.median(self.force[: max(self.moved, 1)]))
 
     @property
     def moved(self) -> int:
         """Return the first row that is not at the first position."""
-        return rest_of(self.way)
+        return rest_of(self.displacement)
 
     @property
     def begins_without_force(self) -> bool:
@@ -200,16 +209,44 @@ class Loaded:
     def begins_with(self, force: float) -> bool:
         """Return whether the force at the first position is this one, within the noise."""
         off = abs(self.force_at_first - force)
-        return off <= max(_REST * self.peak, _AGREES * scatter(self.load))
+        return off <= max(_REST * self.peak, _AGREES * scatter(self.force))
 
     @property
     def begins_at_zero(self) -> bool:
         """Return whether the first position is the file's own zero."""
-        return abs(float(self.way[0])) <= _NEAR * float(np.ptp(self.way))
+        return abs(float(self.displacement[0])) <= _NEAR * float(np.ptp(self.displacement))
+
+    @property
+    def prescribed_force(self) -> bool:
+        """Return whether the force never changes, as under a dead weight: the test is creep."""
+        return bool(np.ptp(self.force) == 0.0)
 
     def written(self, displacement: float) -> str:
         """Return a displacement as text with its sign in the file."""
         return f"{self.signs.way * displacement:.6g}"
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the conversion of this test as a dictionary for JSON."""
+        contact = self.contact
+        return {
+            "file": str(self.file),
+            "format": self.format.name,
+            "pad": self.pad,
+            "test": self.test,
+            "units": asdict(self.units),
+            "turned": {"displacement": self.signs.way < 0, "force": self.signs.load < 0},
+            "contact": contact and {"place": contact.position, "sd": contact.sd},
+            "zero": self.zero,
+            "zero_sd": self.zero_sd,
+            "contact_stage": self.contact_stage or None,
+            "tare_sd": self.tare_sd,
+            "rows": len(self.time),
+            "step_s": self.sampling.step,
+            "lag_s": self.sampling.lag,
+            "start_s": self.start_s,
+            "dropped": self.dropped,
+            "findings": list(self.findings),
+        }
 
 
 def usable_tests(
@@ -289,7 +326,7 @@ def _in_order(file: Path, kind: Format, recording: Recording, answers: Answers) 
     if what is not None:
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
     return Loaded(
-        file, kind, "", recording, units, time, way, load, sampling_of(time, lag), dropped,
+        file, kind, recording, units, time, way, load, sampling_of(time, lag), dropped,
         find_signs(way, load), (f"units {finding}",),
     )  # fmt: skip
 

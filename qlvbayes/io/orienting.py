@@ -35,7 +35,7 @@ def oriented_tests(
             lost.append(one.recording)
     if not prepared:
         raise dead[0]
-    live = [one for one in prepared if not is_dead(one.way, one.load)] or prepared
+    live = [one for one in prepared if not is_dead(one.displacement, one.force)] or prepared
     lost += [one.recording for one in prepared if one not in live]
     live[0].dropped.update(own[0].dropped)
     for test in lost:
@@ -46,7 +46,7 @@ def oriented_tests(
 
 def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
     """Return a recording in which pressing is positive, with the contact that it shows."""
-    way, load = one.way * signs.way, one.load * signs.load
+    way, load = one.displacement * signs.way, one.force * signs.load
     wrong = wrong_signs(way, load)
     if wrong and not (one.units.dimensionless and len(wrong) > 1):
         what = f"the specimen is pressed with {joined([*wrong])} negative"
@@ -63,11 +63,11 @@ def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
     findings.append(_sign_finding(one, signs, answers))
     if constant:
         findings.append(
-            f"the force is {plain(float(one.load[0]))} {one.units.force} in every row: it is taken "
-            "as prescribed, and the test as creep (column control)"
+            f"the force is {plain(float(one.force[0]))} {one.units.force} in every row: it is "
+            "taken as prescribed, and the test as creep (column control)"
         )
     return replace(
-        one, way=way, load=load, signs=signs, contact=contact, sliding=sliding,
+        one, displacement=way, force=load, signs=signs, contact=contact, sliding=sliding,
         findings=tuple(findings),
     )  # fmt: skip
 
@@ -79,17 +79,17 @@ def _signs(one: Loaded, every: Sequence[Loaded], answers: Answers) -> Signs:
         return replace(one.signs, way=of_way, load=of_load, doubt="")
     if one.recording.pressing:
         return replace(one.signs, way=1, load=1, doubt="")
-    if one.signs.doubt and is_dead(one.way, one.load):
+    if one.signs.doubt and is_dead(one.displacement, one.force):
         raise _DeadForceError(
-            f"the force does not answer to the displacement: its {len(one.load)} readings scatter "
-            f"by {plain(float(np.std(one.load)), 2)} about one level",
+            f"the force does not answer to the displacement: its {len(one.force)} readings scatter "
+            f"by {plain(float(np.std(one.force)), 2)} about one level",
             file=one.file,
             remedy="check the load cell and its cable, or leave the file out",
         )
     alike = [other for other in every if other.of_layout == one.of_layout and other.signs.rank]
     within = [other for other in alike if other.file == one.file]
     if within:
-        first = max(within, key=lambda other: (other.signs.rank, float(np.ptp(other.load))))
+        first = max(within, key=lambda other: (other.signs.rank, float(np.ptp(other.force))))
         return replace(one.signs, way=first.signs.way, load=first.signs.load, doubt="")
     found = {(other.signs.way, other.signs.load) for other in alike}
     if len(found) != 1:
@@ -156,6 +156,6 @@ def _equal(one: Loaded, other: Loaded) -> bool:
     return (
         one.recording.stated.began == other.recording.stated.began
         and same_readings(one.time - one.time[0], other.time - other.time[0])
-        and same_readings(one.way * way, other.way)
-        and same_readings(one.load * load, other.load)
+        and same_readings(one.displacement * way, other.displacement)
+        and same_readings(one.force * load, other.force)
     )

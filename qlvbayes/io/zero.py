@@ -155,10 +155,11 @@ def _joint_position(
         jumps = [drag * peak * speed / speeds.max() for drag in drags]
         forms = [OnsetForm(form.power, jump) for jump in jumps for form in FORMS]
         slid = contact.slid
-        found.append(onsets_of(one.way[slid:], one.load[slid:], contact.level, forms))
+        found.append(onsets_of(one.displacement[slid:], one.force[slid:], contact.level, forms))
     if sum(map(bool, found)) < 2:  # without drag each shows its own contact
         found = [
-            onsets_of(one.way[c.slid :], one.load[c.slid :], c.level, FORMS) for one, c in pairs
+            onsets_of(one.displacement[c.slid :], one.force[c.slid :], c.level, FORMS)
+            for one, c in pairs
         ]
     # A press of few rows may show a contact without drag, and none where drag is likelier.
     telling = [k for k, onsets in enumerate(found) if onsets]
@@ -258,7 +259,7 @@ def _zero(
         return Zero(0.0, 0.0, finding, contact=one.contact)
     if answers.contact is not None:
         return _stated(one, float(answers.contact))
-    if np.ptp(one.load) == 0.0:
+    if np.ptp(one.force) == 0.0:
         return Zero(0.0, 0.0, "contact at the file's own zero: the force never changes")
     if one.units.dimensionless:
         finding = "strain has the file's own zero: a fixed specimen has no contact"
@@ -273,7 +274,7 @@ def _zero(
     counts = [len(stage.members) for stage in contacts]
     most = counts and counts[0] >= max(_ENOUGH, sum(counts) / 2.0) and counts[0] not in counts[1:]
     agreed = contacts[0] if most else None
-    late = agreed and float(one.way[0]) > agreed.position - _APART * agreed.sd
+    late = agreed and float(one.displacement[0]) > agreed.position - _APART * agreed.sd
     if agreed is not None and not one.begins_without_force:
         # off the specimen by the others' contact, its cell as untared as theirs
         untared = agreed.force != 0.0 and one.begins_with(agreed.force)
@@ -294,17 +295,17 @@ def _zero(
 def _stated(one: Loaded, written: float) -> Zero:
     """Return the zero that the user states, with the sign that it has in the file."""
     position, length = one.signs.way * written, one.units.displacement
-    low, high = float(one.way.min()), float(one.way.max())
+    low, high = float(one.displacement.min()), float(one.displacement.max())
     before = (_NEAR if one.begins_without_force else 1.0) * (high - low)
     if not low - before <= position < high:
         raise InputError(
-            f"--contact {written:.6g} lies outside the travel, {one.written(float(one.way[0]))} "
+            f"--contact {written:.6g} lies outside the travel, {one.written(one.displacement[0])} "
             f"{length} at the start and {one.written(high)} {length} at the deepest",
             file=one.file,
             remedy="state it in the unit of the tidy file and with the sign of the file",
         )
     finding = f"contact at {written:.6g} {length}, as stated by the user"
-    rest, sd = level_at_rest(one.way, one.load)
+    rest, sd = level_at_rest(one.displacement, one.force)
     if position - low <= _NEAR * (high - low) or abs(rest) <= _AGREES * sd:
         return Zero(position, 0.0, finding, contact=one.contact)
     finding += f"; {_taken_off(one, rest)}"
@@ -322,11 +323,11 @@ def _label(one: Loaded, stage: StageContact) -> str:
 
 def _from_others(one: Loaded, agreed: StageContact, where: str) -> Zero:
     length, force = one.units.displacement, one.units.force
-    start = one.signs.load * force_at_start(one.way, one.load)
+    start = one.signs.load * force_at_start(one.displacement, one.force)
     finding = (
         f"contact at {one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}, on which "
         f"the pad's {len(agreed.members)} other files agree: this one begins {where} it, at "
-        f"{one.written(float(one.way[0]))} {length} with {plain(start)} {force}; taken off the "
+        f"{one.written(one.displacement[0])} {length} with {plain(start)} {force}; taken off the "
         f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
     stage = _label(one, agreed)
@@ -379,7 +380,7 @@ def _at_contact(
 def _at_start(one: Loaded) -> Zero | UnsureError:
     """Return the first row as zero, if the force is none there: the test begins in contact."""
     length, force = one.units.displacement, one.units.force
-    first, peak = one.force_at_first, float(np.abs(one.load).max())
+    first, peak = one.force_at_first, float(np.abs(one.force).max())
     share = abs(first) / peak if peak > 0.0 else 1.0
     if not one.begins_without_force:
         return UnsureError(
@@ -391,10 +392,10 @@ def _at_start(one: Loaded) -> Zero | UnsureError:
             f"zero, or '{FILE}' for its own zero",
             say="VALUE, or --contact file for the file's own zero",
         )
-    position, near = float(one.way[0]), one.begins_at_zero
+    position, near = float(one.displacement[0]), one.begins_at_zero
     where = "the file's own zero" if near else f"the first row, {one.written(position)} {length}"
     # the force of the first row over the mean stiffness bounds how far contact may lie above
-    reach = share * float(one.way[int(np.argmax(one.load))] - position)
+    reach = share * float(one.displacement[int(np.argmax(one.force))] - position)
     finding = (
         f"contact at {where}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"

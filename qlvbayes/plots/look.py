@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
-from qlvbayes.io.conversion import Conversion, Tidied
+from qlvbayes.io.conversion import Conversion
 from qlvbayes.io.data import Control
+from qlvbayes.io.loading import Loaded
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import pad_title
 from qlvbayes.motion.experiment import Experiment, Trial
@@ -236,7 +237,7 @@ def plot_conversion(conversion: Conversion, *, width: float = DOUBLE) -> list[Ax
     return list(axes)
 
 
-def _draw_converted(axes: Sequence[Axes], test: Tidied) -> None:
+def _draw_converted(axes: Sequence[Axes], test: Loaded) -> None:
     over_time, force_over_time, rise = axes
     shown = slice(None, None, -(-len(test.time) // _SHOWN))
     first, second = colours()[:2]
