@@ -113,13 +113,10 @@ class Layout:
         over = over if self.block else over[: header.line]
         tests = tests_below(header, data, lines, path, name, above, self.part)
         names = lines.texts[header.line]
-        found = []
-        for test in tests:
-            own, stated = test.stated, stated_above(over, names, test.clock)
-            if own.specimen:
-                stated = replace(stated, specimen=own.specimen, named=own.named)
-            found.append(replace(test, stated=stated.completed_by(own)))
-        return found
+        return [
+            replace(test, stated=stated_above(over, names, test.clock).with_labels(test.stated))
+            for test in tests
+        ]
 
 
 def _found(pattern: str, text: str) -> str:

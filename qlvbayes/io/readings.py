@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +97,13 @@ def rising(
         return time, columns
     dropped["rows with the time of the row above"] = count
     return time[~same], [column[~same] for column in columns]
+
+
+def starts_on_one_clock(times: Sequence[Floats]) -> list[float] | None:
+    """Return when each test begins (s) where times run on from test to test, or None."""
+    if len(times) < 2 or any(old[-1] >= new[0] for old, new in pairwise(times)):
+        return None
+    return [float(time[0] - times[0][0]) for time in times]
 
 
 def on_one_clock(

@@ -52,6 +52,12 @@ class Stated:
         dated = self if self.began is not None else other
         return Stated(named.specimen, dated.began, dated.either, named.named, dated.dated)
 
+    def with_labels(self, own: Stated) -> Stated:
+        """Return the statements above a table with those of one test's rows, which name its pad."""
+        named = own if own.specimen else self
+        whole = self.completed_by(own)
+        return replace(whole, specimen=named.specimen, named=named.named)
+
 
 @dataclass(frozen=True, eq=False)
 class Channel:

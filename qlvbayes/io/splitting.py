@@ -25,6 +25,7 @@ from qlvbayes.io.columns import (
     side_by_side,
 )
 from qlvbayes.io.header import NAMES, Header, are_units
+from qlvbayes.io.readings import starts_on_one_clock
 from qlvbayes.io.recording import Channel, Recording, Stated
 from qlvbayes.io.stated import named_specimen
 from qlvbayes.io.table import SHOWN, Labels, RowForm, read_rows
@@ -204,12 +205,9 @@ def _by_label(
         stated = named_specimen(*row[of_pad[0]]) if of_pad else Stated()
         full, dropped = " ".join([test.name, *kept]).strip(), {} if begin else test.dropped
         tests.append(replace(part, name=full, dropped=dropped, unused=unused, stated=stated))
-    pairs = [(old.time.values[-1], new.time.values[0]) for old, new in pairwise(tests)]
-    if len(specimens) < len(columns) and all(end < begin for end, begin in pairs):
-        return [
-            replace(one, stated=replace(one.stated, began=0.0, dated=_RUNS_ON)) for one in tests
-        ]
-    return tests
+    if len(specimens) == len(columns) or not starts_on_one_clock([t.time.values for t in tests]):
+        return tests
+    return [replace(one, stated=replace(one.stated, began=0.0, dated=_RUNS_ON)) for one in tests]
 
 
 def _goes_on(
