@@ -321,7 +321,7 @@ def _best_point(d: Floats, f: Floats, form: OnsetForm) -> tuple[float, float]:
     low, high = float(d.min()), float(d[-_FEW])
     for _ in range(_ROUNDS):
         points = np.linspace(low, high, _GRID)
-        errors = _errors(d, f, points, form)
+        errors = _solved(d, f, points, form)[0]
         best = int(np.argmin(errors))
         low, high = float(points[max(best - 1, 0)]), float(points[min(best + 1, _GRID - 1)])
     return float(errors[best]), float(points[best])
@@ -338,38 +338,22 @@ def _averaged(values: Floats) -> Floats:
 
 def _rises(d: Floats, f: Floats, point: float, form: OnsetForm) -> Floats:
     """Return the best F0 + a x^p + b x^(p+1) (n,) of a point of contact, with the form's jump."""
-    points = np.array([point])
-    rise, further = _columns(d, points, form.power)
-    _, a, b = _solved(rise, further, _smooth(d, f, points, form), form.power, _reach(d, points))
+    _, a, b, rise, further = _solved(d, f, np.array([point]), form)
     rises = a[:, None] * rise + b[:, None] * further + form.jump * (d > point)
     return np.asarray((rises - rises.mean(axis=1, keepdims=True))[0] + f.mean())
 
 
-def _smooth(d: Floats, f: Floats, points: Floats, form: OnsetForm) -> Floats:
-    """Return the force without the form's jump, (n,) or for each point of contact (points, n)."""
-    return f - form.jump * (d > points[:, None]) if form.jump else f
-
-
-def _columns(d: Floats, points: Floats, power: float) -> tuple[Floats, Floats]:
-    """Return x^p and x^(p+1) (points, n); powers are halves, which need no logarithm."""
-    x = np.maximum(d - points[:, None], 0.0) / float(d[-1] - d.min())
-    whole, half = divmod(power, 1.0)
+def _solved(d: Floats, f: Floats, points: Floats, form: OnsetForm) -> tuple[Floats, ...]:
+    """Return least squared errors, a and b (points,), and their x^p and x^(p+1) (points, n)."""
+    power, span, count = form.power, float(d[-1] - d.min()), f.size
+    x = np.maximum(d - points[:, None], 0.0) / span
+    reach = np.maximum(d.max() - points, 0.0) / span
+    whole, half = divmod(power, 1.0)  # powers are halves, which need no logarithm
     rise = x if whole == 1.0 else x * x if whole == 2.0 else x * x * x
     rise = rise * np.sqrt(x) if half else rise
-    return rise, rise * x
-
-
-def _reach(d: Floats, points: Floats) -> Floats:
-    """Return the largest x (points,)."""
-    return np.asarray(np.maximum(d.max() - points, 0.0) / float(d[-1] - d.min()))
-
-
-def _solved(
-    rise: Floats, further: Floats, f: Floats, power: float, reach: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return least squared errors (points,), and a and b of x^p and x^(p+1)."""
-    count = f.shape[-1]
-    y = f - f.mean(axis=-1, keepdims=True)
+    further = rise * x
+    y = f - form.jump * (d > points[:, None]) if form.jump else f
+    y = y - y.mean(axis=-1, keepdims=True)
     first, second = rise.sum(axis=1), further.sum(axis=1)
     aa = np.einsum("pn,pn->p", rise, rise) - first * first / count
     ab = np.einsum("pn,pn->p", rise, further) - first * second / count
@@ -388,31 +372,21 @@ def _solved(
     a = np.where(rises, a, np.maximum(risen * ay / np.where(risen, aa, 1.0), 0.0))
     b = np.where(rises, b, 0.0)
     errors = yy - 2.0 * (a * ay + b * by) + a * a * aa + 2.0 * a * b * ab + b * b * bb
-    return np.maximum(errors, 0.0), a, b
-
-
-def _errors(d: Floats, f: Floats, points: Floats, form: OnsetForm) -> Floats:
-    rise, further = _columns(d, points, form.power)
-    without = _smooth(d, f, points, form)
-    return _solved(rise, further, without, form.power, _reach(d, points))[0]
+    return np.maximum(errors, 0.0), a, b, rise, further
 
 
 def _width(d: Floats, f: Floats, form: OnsetForm, point: float, allowed: float) -> float:
     """Return half the width of the points whose squared error stays below ``allowed``."""
-    low, high = float(d.min()), float(d[-_FEW])
-    near, far = point - low, high - point
-    for _ in range(_ROUNDS):  # narrows the grid around the limits
-        below, above = (
-            np.linspace(point - near, point, _GRID),
-            np.linspace(point, point + far, _GRID),
-        )
-        left = int(np.argmax(_errors(d, f, below, form) <= allowed))
-        right = _GRID - 1 - int(np.argmax(_errors(d, f, above, form)[::-1] <= allowed))
-        near, far = (
-            point - float(below[max(left - 1, 0)]),
-            float(above[min(right + 1, _GRID - 1)]) - point,
-        )
-    return 0.5 * (near + far)
+    ends = []
+    for end, outward in ((float(d.min()), slice(None)), (float(d[-_FEW]), slice(None, None, -1))):
+        away = end - point
+        for _ in range(_ROUNDS):  # narrows the grid around the limit
+            points = np.linspace(point + min(away, 0.0), point + max(away, 0.0), _GRID)
+            within = (_solved(d, f, points, form)[0] <= allowed)[outward]
+            limit = max(int(np.argmax(within)) - 1, 0)
+            away = float(points[outward][limit]) - point
+        ends.append(abs(away))
+    return 0.5 * (ends[0] + ends[1])
 
 
 def _independent(residual: Floats) -> float:
