@@ -25,7 +25,7 @@ from qlvbayes.io.recording import Format, Recording, UnsureError
 from qlvbayes.io.text import head_of, is_text
 from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.io.wording import of_lines, visible
-from qlvbayes.io.zero import Zero, with_sliding, zeros
+from qlvbayes.io.zero import with_sliding, with_zeros
 
 _LEAD = 1.0  # s kept before contact, which show the force's zero and its noise
 _FINEST = 1e-10  # last digit written over the largest value, far below any sensor's resolution
@@ -93,23 +93,24 @@ def convert(
     if not (one_by_one and faults):
         read = with_pads(read, files, answers)
     read = with_sliding(without_copies(read))
-    pairs = list(zip(read, zeros(read, answers), strict=True))
-    for one, zero in pairs:
-        if isinstance(zero, UnsureError):
-            faults.setdefault(one.file, zero)
+    zeroed = with_zeros(read, answers)
+    for one, found in zip(read, zeroed, strict=True):
+        if isinstance(found, UnsureError):
+            faults.setdefault(one.file, found)
     if faults and (not without_faulty or len(faults) == len(set(files)) or one_by_one):
         raise next(faults[file] for file in files if file in faults)
-    used = [(one, z) for one, z in pairs if one.file not in faults and isinstance(z, Zero)]
-    if not used:
+    kept, firsts = [], []
+    for one, found in zip(read, zeroed, strict=True):
+        if isinstance(found, Loaded) and one.file not in faults:
+            kept.append(found)
+            firsts.append(_first_row(found, own=found.contact is one.contact))
+    if not kept:
         raise InputError("no test can be used", file=files[0], remedy="look at the file")
-    kept = [one for one, _ in used]
-    firsts = [_first_row(one, zero) for one, zero in used]
-    names = names_of(kept, answers.tests)
-    units = kept[0].units
+    names, units = names_of(kept, answers.tests), kept[0].units
     clocks, notes = clocks_of(kept, firsts)
     tidied = [
-        _tidied(one, zero, firsts[k], names[k], units, clocks[k], notes.get(k))
-        for k, (one, zero) in enumerate(used)
+        _tidied(one, firsts[k], names[k], units, clocks[k], notes.get(k))
+        for k, one in enumerate(kept)
     ]
     stated = answers.pads or answers.pad_from is not None
     remarks = () if stated else remarks_on(kept, names, files)
@@ -146,13 +147,13 @@ def _read(
         raise InputError(what, file=file, remedy="export it again") from error
 
 
-def _first_row(one: Loaded, zero: Zero) -> int:
-    """Return the first row that is kept: none is long before the contact that the test shows."""
-    contact = zero.contact
-    if contact is None or contact is not one.contact:
+def _first_row(one: Loaded, *, own: bool) -> int:
+    """Return the first row that is kept: none is long before the contact that is the test's own."""
+    contact = one.contact
+    if contact is None or not own:
         return 0
     # where the user states an earlier contact, that one; what rubs has its history from rest on
-    until = min(contact.rows, int(np.argmax(one.displacement > zero.position)))
+    until = min(contact.rows, int(np.argmax(one.displacement > one.zero)))
     until = min(until, one.moved) if contact.sliding else until
     first = int(np.searchsorted(one.time, one.time[until] - _LEAD))
     if len(one.time) - first < LEAST_SAMPLES:
@@ -163,7 +164,6 @@ def _first_row(one: Loaded, zero: Zero) -> int:
 
 def _tidied(
     one: Loaded,
-    zero: Zero,
     first: int,
     name: str,
     units: UnitSystem,
@@ -179,8 +179,8 @@ def _tidied(
         )
     if first:
         one.dropped[f"rows of the approach, more than {_LEAD:g} s before contact"] = first
-    way, load = one.displacement[first:] - zero.position, one.force[first:] - zero.force
-    sd, tare_sd = zero.sd, zero.tare_sd
+    way, load = one.displacement[first:] - one.zero, one.force[first:] - one.tare
+    sd, tare_sd = one.zero_sd, one.tare_sd
     if units != one.units:
         length, newtons = (one.units.factor_to(units, kind) for kind in ("displacement", "force"))
         way, load, tare_sd = way * length, load * newtons, tare_sd * newtons
@@ -192,15 +192,14 @@ def _tidied(
             f"{one.recording.time.name} row by row; the displacement is brought to the force's "
             "times"
         )
-    findings = [*one.findings, zero.finding, sampled, *([remark] if remark else [])]
+    findings = [*one.findings, sampled, *([remark] if remark else [])]
     if units != one.units:
         way_in, load_in = units.displacement, units.force
         findings.append(f"converted to {way_in} and {load_in}, the units of the first file")
     time = one.time[first:] - one.time[first]
     return replace(
         one, test=name, units=units, time=time, displacement=way, force=load, start_s=start,
-        contact=zero.contact, zero=zero.position, zero_sd=sd, contact_stage=zero.stage,
-        tare_sd=tare_sd, findings=tuple(findings),
+        zero_sd=sd, tare_sd=tare_sd, findings=tuple(findings),
     )  # fmt: skip
 
 

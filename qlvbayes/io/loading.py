@@ -116,9 +116,9 @@ class Loaded:
     ``signs`` are those that it shows; once it is oriented, they are the factors by which pressing
     has become positive, and ``contact`` is its first contact, None where it shows none; ``sliding``
     is the contact of a platen whose guide rubs before, if that is what the first rise may be. Once
-    it is tidy, ``zero`` was subtracted from the displacement, and ``zero_sd`` is its standard
-    error, where it was measured. Tests of one ``contact_stage`` share that error. ``tare_sd`` is
-    the standard error of the force's zero, 0 where it was not measured.
+    it is tidy, ``zero`` was subtracted from the displacement and ``tare`` from the force.
+    ``zero_sd`` is the former's standard error, where it was measured; tests of one
+    ``contact_stage`` share it. ``tare_sd`` is the latter's, 0 where it was not measured.
     """
 
     file: Path
@@ -138,6 +138,7 @@ class Loaded:
     sliding: FirstContact | None = None
     start_s: float | None = None  # the pad's clock at the first row, where the files state it
     zero: float = 0.0
+    tare: float = 0.0
     zero_sd: float | None = None
     contact_stage: str = ""
     tare_sd: float = 0.0

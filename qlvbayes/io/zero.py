@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -188,23 +189,18 @@ def _over_files(onsets: Sequence[Onset], spacings: Floats, own: Floats, speeds: 
     return Onset(float(mean[0]), sd, height - 0.5 * misfit)
 
 
-@dataclass(frozen=True)
-class Zero:
-    """Zeros subtracted from displacement and force, and their standard errors.
+def _with_zero(
+    one: Loaded, zero: float, tare: float, finding: str, contact: FirstContact | None, **more: Any
+) -> Loaded:
+    """Return a test with its zeros, the contact that shows them, and how they were found."""
+    findings = (*one.findings, finding)
+    return replace(one, zero=zero, tare=tare, findings=findings, contact=contact, **more)
 
-    ``position`` is the displacement, and ``sd`` is None where it was not measured; ``tare_sd`` is
-    0 where that of the force was not. ``finding`` says how it was found; ``contact`` is where the
-    file's own rise of the force shows it. ``stage`` names the contact whose error all recordings of
-    that name share.
-    """
 
-    position: float
-    force: float
-    finding: str
-    sd: float | None = None
-    contact: FirstContact | None = None
-    stage: str = ""
-    tare_sd: float = 0.0
+def _and_said(one: Loaded, words: str) -> Loaded:
+    """Return a test with more words on how its zero was found."""
+    *others, last = one.findings
+    return replace(one, findings=(*others, last + words))
 
 
 def with_sliding(shown: Sequence[Loaded]) -> list[Loaded]:
@@ -219,19 +215,20 @@ def with_sliding(shown: Sequence[Loaded]) -> list[Loaded]:
     ]
 
 
-def zeros(shown: Sequence[Loaded], answers: Answers) -> list[Zero | UnsureError]:
-    """Return the zero of each recording, or the question that has to be asked for it."""
-    results: list[Zero | UnsureError] = []
-    before: dict[tuple[object, ...], Zero] = {}
+def with_zeros(shown: Sequence[Loaded], answers: Answers) -> list[Loaded | UnsureError]:
+    """Return each test with its zeros, or the question that has to be asked for it."""
+    results: list[Loaded | UnsureError] = []
+    before: dict[tuple[object, ...], Loaded] = {}
     contacts = {stage: _stage_contacts(shown, stage) for stage in {one.stage for one in shown}}
     for k, one in enumerate(shown):
         key = (one.file, *one.stage)
-        zero = _zero(one, k, contacts[one.stage], before.get(key), answers)
-        if isinstance(zero, Zero) and zero.contact is not None:
-            before[key] = zero
-        if isinstance(zero, Zero) and answers.contact is None:
-            zero = replace(zero, finding=zero.finding + _perhaps_sliding(one))
-        results.append(zero)
+        found = _zeroed(one, k, contacts[one.stage], before.get(key), answers)
+        if isinstance(found, Loaded):
+            if found.contact is not None:
+                before[key] = found
+            if answers.contact is None:
+                found = _and_said(found, _perhaps_sliding(one))
+        results.append(found)
     return results
 
 
@@ -247,30 +244,31 @@ def _perhaps_sliding(one: Loaded) -> str:
     )
 
 
-def _zero(
+def _zeroed(
     one: Loaded,
     index: int,
     contacts: Sequence[StageContact],
-    before: Zero | None,
+    before: Loaded | None,
     answers: Answers,
-) -> Zero | UnsureError:
+) -> Loaded | UnsureError:
     if answers.contact == FILE:
         finding = "contact at the file's own zero, as stated by the user"
-        return Zero(0.0, 0.0, finding, contact=one.contact)
+        return _with_zero(one, 0.0, 0.0, finding, one.contact)
     if answers.contact is not None:
         return _stated(one, float(answers.contact))
     if np.ptp(one.force) == 0.0:
-        return Zero(0.0, 0.0, "contact at the file's own zero: the force never changes")
+        finding = "contact at the file's own zero: the force never changes"
+        return _with_zero(one, 0.0, 0.0, finding, None)
     if one.units.dimensionless:
         finding = "strain has the file's own zero: a fixed specimen has no contact"
-        return Zero(0.0, 0.0, finding)
+        return _with_zero(one, 0.0, 0.0, finding, None)
     own = next((stage for stage in contacts if index in stage.members), None)
     if own is not None and one.contact is not None:
         return _at_contact(one, one.contact, own, contacts[0])
     if contacts and contacts[0].kept and one.begins_at_zero and one.begins_without_force:
         zero = _at_start(one)
-        if isinstance(zero, Zero):
-            return replace(zero, sd=contacts[0].sd, stage=_label(one, contacts[0]))
+        if isinstance(zero, Loaded):
+            return replace(zero, zero_sd=contacts[0].sd, contact_stage=_label(one, contacts[0]))
     counts = [len(stage.members) for stage in contacts]
     most = counts and counts[0] >= max(_ENOUGH, sum(counts) / 2.0) and counts[0] not in counts[1:]
     agreed = contacts[0] if most else None
@@ -282,17 +280,18 @@ def _zero(
             return _from_others(one, agreed, "beyond" if late else "before")
     if before is not None:
         finding = (
-            f"contact at {one.written(before.position)} {one.units.displacement}, the zero of the "
+            f"contact at {one.written(before.zero)} {one.units.displacement}, the zero of the "
             "file's test before: this one begins in contact"
         )
-        return replace(before, force=0.0, finding=finding)
+        same = {key: getattr(before, key) for key in ("zero_sd", "contact_stage", "tare_sd")}
+        return _with_zero(one, before.zero, 0.0, finding, before.contact, **same)
     zero = _at_start(one)
-    if isinstance(zero, Zero) and agreed is not None:
-        return replace(zero, finding=zero.finding + _doubt(one, agreed))
+    if isinstance(zero, Loaded) and agreed is not None:
+        return _and_said(zero, _doubt(one, agreed))
     return zero
 
 
-def _stated(one: Loaded, written: float) -> Zero:
+def _stated(one: Loaded, written: float) -> Loaded:
     """Return the zero that the user states, with the sign that it has in the file."""
     position, length = one.signs.way * written, one.units.displacement
     low, high = float(one.displacement.min()), float(one.displacement.max())
@@ -307,9 +306,9 @@ def _stated(one: Loaded, written: float) -> Zero:
     finding = f"contact at {written:.6g} {length}, as stated by the user"
     rest, sd = level_at_rest(one.displacement, one.force)
     if position - low <= _NEAR * (high - low) or abs(rest) <= _AGREES * sd:
-        return Zero(position, 0.0, finding, contact=one.contact)
+        return _with_zero(one, position, 0.0, finding, one.contact)
     finding += f"; {_taken_off(one, rest)}"
-    return Zero(position, rest, finding, contact=one.contact, tare_sd=sd)
+    return _with_zero(one, position, rest, finding, one.contact, tare_sd=sd)
 
 
 def _taken_off(one: Loaded, rest: float) -> str:
@@ -321,7 +320,7 @@ def _label(one: Loaded, stage: StageContact) -> str:
     return "0" if stage.kept else one.written(stage.position)
 
 
-def _from_others(one: Loaded, agreed: StageContact, where: str) -> Zero:
+def _from_others(one: Loaded, agreed: StageContact, where: str) -> Loaded:
     length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.displacement, one.force)
     finding = (
@@ -330,8 +329,9 @@ def _from_others(one: Loaded, agreed: StageContact, where: str) -> Zero:
         f"{one.written(one.displacement[0])} {length} with {plain(start)} {force}; taken off the "
         f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
     )
+    sds = {"zero_sd": agreed.sd, "tare_sd": agreed.tare_sd}
     stage = _label(one, agreed)
-    return Zero(agreed.position, agreed.force, finding, agreed.sd, None, stage, agreed.tare_sd)
+    return _with_zero(one, agreed.position, agreed.force, finding, None, contact_stage=stage, **sds)
 
 
 def _doubt(one: Loaded, others: StageContact) -> str:
@@ -347,7 +347,7 @@ def _doubt(one: Loaded, others: StageContact) -> str:
 
 def _at_contact(
     one: Loaded, contact: FirstContact, stage: StageContact, most: StageContact
-) -> Zero:
+) -> Loaded:
     """Return the zero of a file at the contact of its stage; ``most`` is that of most files."""
     length, force = one.units.displacement, one.units.force
     together = len(stage.members) > 1
@@ -373,11 +373,12 @@ def _at_contact(
             f"does in a quick test; --contact {one.written(stage.position)} states this zero"
         )
     position = 0.0 if stage.kept else stage.position
+    sds = {"zero_sd": stage.sd, "tare_sd": contact.tare_sd}
     label = _label(one, stage)
-    return Zero(position, offset, finding, stage.sd, contact, label, contact.tare_sd)
+    return _with_zero(one, position, offset, finding, contact, contact_stage=label, **sds)
 
 
-def _at_start(one: Loaded) -> Zero | UnsureError:
+def _at_start(one: Loaded) -> Loaded | UnsureError:
     """Return the first row as zero, if the force is none there: the test begins in contact."""
     length, force = one.units.displacement, one.units.force
     first, peak = one.force_at_first, float(np.abs(one.force).max())
@@ -400,4 +401,4 @@ def _at_start(one: Loaded) -> Zero | UnsureError:
         f"contact at {where}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"
     )
-    return Zero(0.0 if near else position, 0.0, finding)
+    return _with_zero(one, 0.0 if near else position, 0.0, finding, None)
