@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from support.machine_files import pressed
 
+from qlvbayes import read_study
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.readings import no_readings, wrong_signs
+from qlvbayes.io.text import decoded
 from qlvbayes.io.units import PAD, SAME, STRAIN, SUFFIXES, column_name
 from qlvbayes.laws.elastic.polynomial import HertzPower
 
@@ -209,11 +212,6 @@ def test_units_follow_from_displacement_and_force_and_columns_carry_suffixes():
     assert units == ("1", "kPa", "kPa", "1")
     assert (STRAIN.of("rate"), STRAIN.speed) == ("1/s", "1/s")
     assert STRAIN.bonded_default
-    for scales in SUFFIXES.values():
-        first = next(iter(scales.values()))
-        assert (first.up, first.down) == (1, 1)
-    assert column_name("force", "mN") == "force_mN"
-    assert column_name("strain", "") == "strain"
 
 
 @pytest.mark.parametrize(
@@ -227,3 +225,19 @@ def test_one_of_a_unit_is_the_nearest_float_in_ours(quantity, suffix, ours):
     values = np.array([1.0])
     SUFFIXES[quantity][suffix].convert(values)
     assert values[0] == ours
+
+
+def test_a_study_is_read_from_several_files_of_a_machine_or_their_folder(tmp_path):
+    for k in range(2):
+        test = pressed(0.0, hold=1.0, rate=50.0, seed=k)
+        rows = zip(0.02 * np.arange(test.way.size), test.way, test.load, strict=True)
+        lines = ["Zeit (s);Weg (mm);Kraft (N)", *(f"{t:.2f};{x:.5f};{f:.5f}" for t, x, f in rows)]
+        (tmp_path / f"run{k}.txt").write_text("\n".join(lines))
+    for where in (tmp_path, sorted(tmp_path.iterdir())):
+        (pad,) = read_study(where).pads
+        assert [test.name for test in pad.tests] == ["run0", "run1"]
+
+
+def test_a_european_text_is_not_taken_for_a_japanese_one():
+    german = "Prüfung ‚erst‘ und ‚dann‘ für Öl, ƒ = 3 µm".encode("cp1252")
+    assert decoded(german) == german.decode("cp1252")

@@ -1,6 +1,5 @@
 """Every layout is known by its own format alone, read right, and damaged without a traceback."""
 
-import gzip
 from dataclasses import replace
 from pathlib import Path
 
@@ -137,15 +136,6 @@ def test_the_letters_code_does_not_matter(fixture, encoding, tmp_path):
         np.testing.assert_array_equal(one.force, other.force)
 
 
-def test_gzip_is_undone(tmp_path):
-    path = tmp_path / "a.csv.gz"
-    path.write_bytes(gzip.compress(of_layout("bluehill-3-a.csv").read_bytes()))
-    assert convert([path]).tests[0].force.max() == pytest.approx(STORED.load.max(), abs=1e-6)
-    path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(InputError, match="gzip data are cut off"):
-        convert([path])
-
-
 def test_signs_are_found_and_without_an_approach_or_a_direction_there_is_doubt():
     for way, load in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         found = find_signs(way * STORED.way, load * STORED.load)
@@ -154,21 +144,6 @@ def test_signs_are_found_and_without_an_approach_or_a_direction_there_is_doubt()
     assert find_contact(test.way, test.load) is None
     clock = np.linspace(0.0, 4.0 * np.pi, 400)
     assert "both sides" in find_signs(np.sin(clock), np.sin(clock + 0.1)).doubt
-
-
-@pytest.mark.parametrize(
-    "sentence",
-    ["Recorded are Time, s; Displacement, mm; Force, N",
-     "time (s), displacement (mm), force (N), zeroed before"],
-)  # fmt: skip
-def test_a_sentence_that_names_the_columns_is_no_row_of_names(sentence, tmp_path):
-    test = pressed(0.4, hold=1.0, rate=50.0)
-    rows = zip(test.time.tolist(), test.way.tolist(), test.load.tolist(), strict=True)
-    lines = [sentence, "Point,Time (s),Displacement (mm),Force (N)"]
-    lines += [f"{k},{t},{x},{F}" for k, (t, x, F) in enumerate(rows)]
-    (tmp_path / "a.csv").write_text("\n".join([*lines, ""]))
-    (read,) = recognised(tmp_path / "a.csv", FORMATS).read(tmp_path / "a.csv")
-    np.testing.assert_array_equal([read.time.values, read.load.values], [test.time, test.load])
 
 
 @pytest.mark.parametrize(

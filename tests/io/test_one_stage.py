@@ -8,8 +8,7 @@ from support.machine_files import Pressed, pressed
 from support.stages import film_press, stage, written
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.conversion import convert, write_tidy
-from qlvbayes.io.data import read_measurements
+from qlvbayes.io.conversion import convert
 from qlvbayes.io.loading import Answers
 
 ONE = Answers.from_words(pads=("P",))
@@ -109,15 +108,6 @@ def test_a_stated_contact_has_the_files_sign_and_lies_within_the_travel(way, tmp
     for wrong in (-way * 5.0, way * 9.0, way * 2.0):
         with pytest.raises(InputError, match="lies outside the travel"):
             convert([file], Answers.from_words(contact=f"{wrong}"))
-
-
-def test_a_tidy_file_names_the_stage(tmp_path):
-    files = stage(tmp_path, 5.0, (1.0, 4.0))
-    tidy = tmp_path / "tidy.csv"
-    write_tidy(convert(files, ONE), tidy)
-    one, other = read_measurements(tidy).pads[0].tests
-    assert one.contact_stage == other.contact_stage != ""
-    assert one.contact_sd == other.contact_sd
 
 
 def _rubbing(folder, speed, friction):

@@ -1,17 +1,16 @@
 """What files of strangers state, lack and show: pads, clocks, signs, units, remedies."""
 
 import re
-from shutil import copy
 
 import numpy as np
 import pytest
 from support.endtoend import call
-from support.machine_files import CORPUS, pressed
+from support.machine_files import pressed
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import is_mean, split_header
-from qlvbayes.io.conversion import convert, write_csv, write_tidy
-from qlvbayes.io.data import Control, read_measurements
+from qlvbayes.io.conversion import convert, write_csv
+from qlvbayes.io.data import read_measurements
 from qlvbayes.io.loading import Answers
 from qlvbayes.io.readings import unread_rows
 from qlvbayes.io.recording import UnsureError
@@ -33,35 +32,8 @@ def written(folder, name, header, *above, scale=(1.0, 1.0, 1.0), seed=1):
     return path
 
 
-def german(folder, name, clock, specimen="Silikon A", day="24.11.2026"):
-    return written(folder, name, GERMAN, f"Datum: {day} {clock}", f"Probe: {specimen}")
-
-
 def tabbed(folder, name, *above):
     return written(folder, name, TABBED, *above, scale=(1e3, 1e3, 1.0 / 9.80665e-3), seed=3)
-
-
-def test_specimens_above_the_tables_are_pads_and_dates_their_clock(tmp_path):
-    files = [
-        german(tmp_path, "a_v1.txt", "09:26:05"),
-        german(tmp_path, "a_v2.txt", "09:12:05"),
-        tabbed(tmp_path, "b1.txt", "Specimen\tpad B", "Speed\t0.1 mm/s"),
-    ]
-    source = Source.from_files(files)
-    first, second = source.read.pads
-    assert [(pad.name, len(pad.tests)) for pad in (first, second)] == [
-        ("Silikon A", 2),
-        ("B", 1),
-    ]
-    assert [(t.name, t.start_s, t.start_known) for t in first.tests] == [
-        ("a_v2", 0.0, True),
-        ("a_v1", 840.0, True),
-    ]
-    told = " ".join(source.notices)
-    assert "called Silikon A, as in 'Probe: Silikon A'" in told
-    assert "start_s is taken from 'Datum: 24.11.2026 09:26:05'" in told
-    (one,) = Source.from_files(files, only=("P",)).read.pads
-    assert (one.name, len(one.tests)) == ("P", 3)
 
 
 @pytest.mark.parametrize("more", [(), ("Operator\tKV",)])
@@ -83,22 +55,6 @@ def test_files_that_differ_are_one_pad_only_with_a_remark_whose_remedies_work(tm
     assert "different columns or units" in convert(same_names).remarks[0]
 
 
-def test_a_date_with_day_and_month_in_either_order_serves_within_its_day(tmp_path):
-    def starts(day):
-        files = [
-            german(tmp_path, "v1.txt", "09:00:00", day="03/04/2025"),
-            german(tmp_path, "v2.txt", "10:00:00", day=day),
-        ]
-        found = convert(files)
-        return [test.start_s for test in found.tests], " ".join(found.notices)
-
-    assert starts("03/04/2025")[0] == [0.0, 3600.0]
-    unclear, told = starts("04/04/2025")
-    assert unclear == [None, None]
-    assert "day and month of" in told
-    assert "may be exchanged" in told
-
-
 @pytest.mark.parametrize(
     ("line", "began"),
     [("Date: 2026-11-24T09:26:05", 5), ("Datum;24.11.2026 09:26", 0),
@@ -111,52 +67,6 @@ def test_a_date_with_day_and_month_in_either_order_serves_within_its_day(tmp_pat
 )  # fmt: skip
 def test_dates_that_can_mean_one_thing_are_read(line, began):
     assert stated_above([line]).began == (None if began is None else 1795512360.0 + began)
-
-
-@pytest.mark.parametrize("dated", [True, False])
-def test_times_of_the_day_in_the_rows_are_the_clock_of_their_test(tmp_path, dated):
-    """With the date of each row, or with that of a line above."""
-    files = []
-    for name, minutes in (("a", 12), ("b", 4)):
-        test = pressed(0.4, hold=1.0, rate=50.0, seed=minutes)
-        clock = [f"09:{minutes:02}:{seconds:06.3f}" for seconds in 5.0 + test.time]
-        stamps = [f"2026-11-24T{one}" if dated else one for one in clock]
-        rows = zip(stamps, test.way.tolist(), test.load.tolist(), strict=True)
-        above = [] if dated else ["Date: 2026-11-24 08:00:00"]
-        lines = [*above, "Time,Position (mm),Force (N)", *(f"{t},{x},{F}" for t, x, F in rows), ""]
-        files.append(tmp_path / f"{name}.csv")
-        files[-1].write_text("\n".join(lines))
-    (pad,) = Source.from_files(files).read.pads
-    begun = {test.name: (test.start_s, test.start_known) for test in pad.tests}
-    assert begun == {"a": (480.0, True), "b": (0.0, True)}
-
-
-@pytest.mark.parametrize(
-    ("columns", "pads", "tests"),
-    [
-        (["Essai n°"], ["pad"], ["Essai n° 1", "Essai n° 2"]),
-        (["Nº de ensayo"], ["pad"], ["Nº de ensayo 1", "Nº de ensayo 2"]),
-        (["Specimen", "Test"], ["gel"], ["Test 1", "Test 2"]),
-        (["Test", "PAD"], ["gel"], ["Test 1", "Test 2"]),
-    ],
-)
-@pytest.mark.parametrize("pause", [None, 60.0])
-def test_columns_of_specimens_and_tests_divide_a_table(tmp_path, columns, pads, tests, pause):
-    """A clock that runs on from test to test is that of the pad."""
-    lines, begin = [";".join([*columns, "Time (s)", "Position (mm)", "Force (N)"])], 0.0
-    for number in ("1", "2"):
-        test = pressed(0.4, hold=1.0, rate=50.0, seed=int(number))
-        labels = [number if len(columns) == 1 or c == "Test" else "gel" for c in columns]
-        rows = zip((begin + test.time).tolist(), test.way.tolist(), test.load.tolist(), strict=True)
-        lines += [";".join([*labels, *map(str, row)]) for row in rows]
-        begin += 0.0 if pause is None else float(test.time[-1]) + pause
-    (tmp_path / "a.csv").write_text("\n".join([*lines, ""]))
-    read = Source.from_files([tmp_path / "a.csv"]).read.pads
-    assert [pad.name for pad in read] == pads
-    assert [test.name for test in read[0].tests] == tests
-    start = float(test.time[-1] - test.time[0]) + (pause or 0.0)
-    assert read[0].tests[1].start_known is (pause is not None)
-    assert read[0].tests[1].start_s == pytest.approx(start, abs=0.03)
 
 
 @pytest.mark.parametrize(
@@ -172,33 +82,6 @@ def test_columns_of_specimens_and_tests_divide_a_table(tmp_path, columns, pads, 
 def test_a_key_and_its_value_may_share_a_cell(lines, specimen):
     above, names = (lines[:1], lines[1:]) if ";" in lines[-1][1:] else (lines, [])
     assert stated_above(above, *names).specimen == specimen
-
-
-@pytest.mark.parametrize(
-    ("header", "comments", "delimiter"),
-    [("time_s displacement_mm force_N", "# ", " "), ("time_s,displacement_mm,force_N", "# ", ","),
-     ("time_s displacement_mm force_N", "# ", ","), ("t (s), d (mm), F (N)", "% ", " "),
-     ("time_s\tdisplacement_mm\tforce_N", "%", "\t"), ("t [s]   d [mm]   F [N]", "# ", "\t"),
-     ("specimen: Pad P\nt (s) d (mm) F (N)", "// ", " "),
-     ("Time Displacement Force\ns mm N", "# ", "\t"),
-     ("Time (s); Displacement (mm); Force (N)", "! ", ";")],
-)  # fmt: skip
-def test_names_in_a_comment_are_read_and_joined(tmp_path, header, comments, delimiter):
-    one = pressed(0.4, hold=1.0, rate=50.0)
-    file = tmp_path / "P.txt"
-    columns = np.c_[one.time, one.way, one.load]
-    np.savetxt(file, columns, header=header, comments=comments, delimiter=delimiter)
-    (pad,) = read_measurements(file).pads
-    assert pad.name == ("P" if "specimen" in header else "pad")
-    assert (pad.units.displacement, pad.units.force) == ("mm", "N")
-    (test,) = pad.tests
-    if delimiter == "," and "," not in header:
-        files = [copy(file, tmp_path / name) for name in ("slow.csv", "quick.csv")]
-        (tmp_path / "all.csv").write_bytes(joined(files, "P"))
-        (pad,) = read_measurements(tmp_path / "all.csv").pads
-        assert (pad.name, [len(t.time) for t in pad.tests]) == ("P", [len(one.time)] * 2)
-    assert np.array_equal(test.time, one.time)
-    assert np.ptp(test.displacement) == np.ptp(one.way)
 
 
 def test_a_column_that_lacks_is_named_alone_and_the_remedy_works(tmp_path):
@@ -231,12 +114,6 @@ def file_of(folder, name, *lines):
     path = folder / name
     path.write_text("\n".join([*lines, ""]))
     return path
-
-
-def test_a_converted_creep_says_what_is_prescribed(tmp_path):
-    stored = CORPUS / "read" / "converted_creep_says_what_is_prescribed-1.csv"
-    write_tidy(convert([stored]), tmp_path / "t.csv")
-    assert read_measurements(tmp_path / "t.csv").pads[0].tests[0].control == Control.FORCE
 
 
 def test_no_message_has_bytes_of_a_file_that_is_no_text(tmp_path):
@@ -277,8 +154,10 @@ def test_a_quotient_of_units_is_no_name_over_its_unit(cell, name, unit):
     assert split_header(cell) == (name, unit)
 
 
-def test_tidy_files_of_a_test_each_are_joined_to_one_of_a_pad(tmp_path):
-    header = "time_s,displacement_mm,force_N"
+@pytest.mark.parametrize(
+    "header", ["time_s,displacement_mm,force_N", "# time_s displacement_mm force_N"]
+)
+def test_tidy_files_of_a_test_each_are_joined_to_one_of_a_pad(header, tmp_path):
     files = [file_of(tmp_path, f"v{k}.csv", header, *rows_of(TEST)) for k in (1, 2, 3)]
     path = tmp_path / "P.csv"
     write_csv(joined(files, "P"), path)
@@ -292,11 +171,3 @@ def test_tidy_files_of_a_test_each_are_joined_to_one_of_a_pad(tmp_path):
         joined([files[0], other], "P")
     with pytest.raises(InputError, match="names its pads or tests itself"):
         joined([files[0], path], "P")
-
-
-@pytest.mark.parametrize("units", [None, "s,mm,N"])
-def test_columns_in_another_order_than_their_units_are_refused(tmp_path, units):
-    path = file_of(tmp_path, "a.csv", NAMES, *rows_of(TEST))
-    answers = Answers.from_words(columns="Time (s),Force (N),Displacement (mm)", units=units)
-    with pytest.raises(InputError, match="'Force' is taken as the displacement, but N is a unit"):
-        convert([path], answers)
