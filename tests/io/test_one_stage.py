@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.machine_files import Pressed, pressed
+from support.machine_files import Pressed
 from support.stages import film_press, stage, written
 
 from qlvbayes.io.checks import InputError
@@ -146,22 +146,3 @@ def test_a_stated_contact_leaves_the_zero_of_the_force_to_the_file(tmp_path):
     (test,) = convert([file], Answers.from_words(pads=("P",), contact="1.0")).tests
     assert abs(test.force[test.displacement < -0.2].mean()) < 0.002
     assert "taken off the force: 0.03" in " ".join(test.findings)
-
-
-def test_a_quick_test_without_an_approach_has_the_contact_and_the_tare_of_the_others(tmp_path):
-    files = []
-    for speed in (0.5, 1.0, 2.0, 20.0):
-        test = pressed(approach=0.1, speed=speed, rate=100.0)
-        still = np.full(40, test.way[0])
-        way = 7.0 + np.concatenate([still, test.way])
-        noise = np.random.default_rng(int(speed)).normal(0.0, 0.002, still.size)
-        load = 1.3 + np.concatenate([noise, test.load])
-        rows = (
-            f"{0.01 * k:.2f},{x:.4f},{f:.4f}"
-            for k, (x, f) in enumerate(zip(way, load, strict=True))
-        )
-        files.append(tmp_path / f"{speed:g}.csv")
-        files[-1].write_text("\n".join(["Time (s),Extension (mm),Load (N)", *rows]))
-    *_, quick = convert(files).tests
-    assert abs(quick.displacement[0] + 0.1) < 0.02
-    assert abs(quick.force[:30].mean()) < 0.005
