@@ -21,11 +21,10 @@ from qlvbayes.io.columns import (
     split_header,
     unsure_of_columns,
 )
-from qlvbayes.io.header import columns_in
+from qlvbayes.io.header import columns_in, stated_above
 from qlvbayes.io.layouts import TABLE, TESTXPERT, Layout
 from qlvbayes.io.recording import Channel, Recording, Sight, Stated
 from qlvbayes.io.splitting import LEAST
-from qlvbayes.io.stated import stated_above
 from qlvbayes.io.table import decimal_mark, plain_number, with_point
 from qlvbayes.io.text import Lines, is_like_number
 

@@ -19,7 +19,6 @@ from qlvbayes.io.conversion import Conversion, convert
 from qlvbayes.io.files import folder_fault, same_folder
 from qlvbayes.io.formats import known_formats, matching, refuse_by_content
 from qlvbayes.io.layouts import TWO_CLOCKS
-from qlvbayes.io.pads import Control, Measurements, Pad, Prescribed, Role, Test
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
     no_readings,
@@ -30,7 +29,15 @@ from qlvbayes.io.readings import (
     unread_rows,
     wrong_signs,
 )
-from qlvbayes.io.recording import UnsureError
+from qlvbayes.io.recording import (
+    Control,
+    Measurements,
+    Pad,
+    Prescribed,
+    Role,
+    Test,
+    UnsureError,
+)
 from qlvbayes.io.table import Labels, RowForm, Rows, parse_number, read_rows
 from qlvbayes.io.text import content, digest, head_of, is_text
 from qlvbayes.io.tidy import Dialect, sniff

@@ -16,12 +16,12 @@ from qlvbayes.io.header import (
     clocks_in,
     columns_in,
     find_header,
+    stated_above,
     stated_header,
     two_clock_header,
 )
 from qlvbayes.io.recording import Recording, Sight
 from qlvbayes.io.splitting import LEAST, tests_below
-from qlvbayes.io.stated import stated_above
 from qlvbayes.io.text import Lines, content, decoded, with_tabs
 from qlvbayes.io.wording import joined
 

@@ -24,10 +24,9 @@ from qlvbayes.io.columns import (
     sheared_instead,
     side_by_side,
 )
-from qlvbayes.io.header import NAMES, Header, are_units
+from qlvbayes.io.header import NAMES, Header, are_units, named_specimen
 from qlvbayes.io.readings import starts_on_one_clock
 from qlvbayes.io.recording import Channel, Recording, Stated
-from qlvbayes.io.stated import named_specimen
 from qlvbayes.io.table import SHOWN, Labels, RowForm, read_rows
 from qlvbayes.io.text import Lines, cells_of, is_like_number, separator_of
 from qlvbayes.io.units import unit_of

@@ -11,10 +11,10 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import is_mean, split_header
 from qlvbayes.io.conversion import convert, write_csv
 from qlvbayes.io.data import read_measurements
+from qlvbayes.io.header import stated_above
 from qlvbayes.io.loading import Answers
 from qlvbayes.io.readings import unread_rows
 from qlvbayes.io.recording import UnsureError
-from qlvbayes.io.stated import stated_above
 from qlvbayes.io.tidy import joined
 from qlvbayes.pipeline.source import Source
 
