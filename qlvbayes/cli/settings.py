@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from qlvbayes.diagnosis.settings import DiagnosisSettings
     from qlvbayes.fitting.ensemble import Settings as SamplerSettings
     from qlvbayes.io.data import Measurements
+    from qlvbayes.io.formats import Format
     from qlvbayes.io.loading import Answers
-    from qlvbayes.io.recording import Format
     from qlvbayes.model.choices import Choices
     from qlvbayes.pipeline.source import Source
 

@@ -15,13 +15,13 @@ from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.binary import WORKBOOK, of_sheets
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import write_whole
-from qlvbayes.io.formats import known_formats, matching, recognised
+from qlvbayes.io.formats import Format, known_formats, matching, recognised
 from qlvbayes.io.layouts import Layout, stated_layout
 from qlvbayes.io.loading import Answers, Loaded, usable_tests
 from qlvbayes.io.naming import clocks_of, names_of, remarks_on, with_pads
 from qlvbayes.io.orienting import oriented_tests, without_copies
 from qlvbayes.io.readings import LEAST_SAMPLES
-from qlvbayes.io.recording import Format, Recording, UnsureError
+from qlvbayes.io.recording import Recording, UnsureError
 from qlvbayes.io.text import head_of, is_text
 from qlvbayes.io.units import UnitSystem, column_name
 from qlvbayes.io.wording import of_lines, visible

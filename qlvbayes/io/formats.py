@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.io import layouts
-from qlvbayes.io.binary import BINARY
+from qlvbayes.io.binary import BINARY, Binary
 from qlvbayes.io.catalogue import (
     FORMAT_POINTS,
     Check,
@@ -39,7 +39,6 @@ from qlvbayes.io.layouts import Layout
 from qlvbayes.io.recording import (
     AbstractFormat,
     Channel,
-    Format,
     Recording,
     Sight,
 )
@@ -63,6 +62,8 @@ __all__ = [
     "FORMATS", "AbstractFormat", "Channel", "FormatError", "Layout", "Recording", "Sight",
     "check_format", "format_checks",
 ]  # fmt: skip
+Format = Layout | Binary | type[AbstractFormat]
+"""Reader of files of one layout: a row of a table, or a class of a user's own."""
 FORMATS: tuple[Format, ...] = (
     layouts.BLUEHILL_3,
     layouts.BLUEHILL_UNIVERSAL,

@@ -23,6 +23,7 @@ from qlvbayes.io.contact import (
     rest_of,
     scatter,
 )
+from qlvbayes.io.formats import Format
 from qlvbayes.io.header import named_columns
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
@@ -34,7 +35,7 @@ from qlvbayes.io.readings import (
     sampling_of,
     unread_rows,
 )
-from qlvbayes.io.recording import Channel, Format, Recording, UnsureError
+from qlvbayes.io.recording import Channel, Recording, UnsureError
 from qlvbayes.io.units import (
     QUANTITIES,
     STRAIN,

@@ -12,36 +12,40 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.contact import Signs, first_rises, is_dead
 from qlvbayes.io.loading import SIGNS, Answers, Loaded
 from qlvbayes.io.readings import same_readings, wrong_signs
-from qlvbayes.io.recording import Recording, UnsureError
+from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.wording import joined, listed, plain
-
-
-class _DeadForceError(InputError):
-    """Exception for a test in which the force does not answer to the displacement."""
 
 
 def oriented_tests(
     own: Sequence[Loaded], every: Sequence[Loaded], answers: Answers
 ) -> list[Loaded]:
     """Return a file's tests in which pressing is positive; dead ones go where others are not."""
-    prepared: list[Loaded] = []
-    dead: list[InputError] = []
-    lost: list[Recording] = []
-    for one in own:
-        try:
-            prepared.append(_oriented(one, _signs(one, every, answers), answers))
-        except _DeadForceError as error:
-            dead.append(error)
-            lost.append(one.recording)
+    known = answers.sign is not None
+    dead = [
+        one
+        for one in own
+        if one.signs.doubt and not (known or one.recording.pressing) and _is_dead(one)
+    ]
+    prepared = [
+        _oriented(one, _signs(one, every, answers), answers) for one in own if one not in dead
+    ]
     if not prepared:
-        raise dead[0]
-    live = [one for one in prepared if not is_dead(one.displacement, one.force)] or prepared
-    lost += [one.recording for one in prepared if one not in live]
+        raise InputError(
+            f"the force does not answer to the displacement: its {len(dead[0].force)} readings "
+            f"scatter by {plain(float(np.std(dead[0].force)), 2)} about one level",
+            file=dead[0].file,
+            remedy="check the load cell and its cable, or leave the file out",
+        )
+    live = [one for one in prepared if not _is_dead(one)] or prepared
     live[0].dropped.update(own[0].dropped)
-    for test in lost:
-        name = f"rows of '{test.name}', in which the force does not answer"
-        live[0].dropped[name] = len(test.time.values)
+    for test in (*dead, *(one for one in prepared if one not in live)):
+        name = f"rows of '{test.recording.name}', in which the force does not answer"
+        live[0].dropped[name] = len(test.recording.time.values)
     return live
+
+
+def _is_dead(one: Loaded) -> bool:
+    return is_dead(one.displacement, one.force)
 
 
 def _oriented(one: Loaded, signs: Signs, answers: Answers) -> Loaded:
@@ -79,13 +83,6 @@ def _signs(one: Loaded, every: Sequence[Loaded], answers: Answers) -> Signs:
         return replace(one.signs, way=of_way, load=of_load, doubt="")
     if one.recording.pressing:
         return replace(one.signs, way=1, load=1, doubt="")
-    if one.signs.doubt and is_dead(one.displacement, one.force):
-        raise _DeadForceError(
-            f"the force does not answer to the displacement: its {len(one.force)} readings scatter "
-            f"by {plain(float(np.std(one.force)), 2)} about one level",
-            file=one.file,
-            remedy="check the load cell and its cable, or leave the file out",
-        )
     alike = [other for other in every if other.of_layout == one.of_layout and other.signs.rank]
     within = [other for other in alike if other.file == one.file]
     if within:

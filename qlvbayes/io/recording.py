@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import ClassVar, Literal, Protocol
+from typing import ClassVar, Literal
 
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.arrays import Mask
@@ -125,28 +125,6 @@ class UnsureError(InputError):
         """Return the same error for a command that lacks the option, naming one that has it."""
         message, file, say = self._parts
         return InputError(message, file=file, remedy=f"say it to {command} --{self.option} {say}")
-
-
-class Format(Protocol):
-    """Reader of files of one layout: a class under `AbstractFormat`, or a row of a table."""
-
-    @property
-    def name(self) -> str:
-        """Return the name in messages."""
-
-    @property
-    def machine(self) -> str:
-        """Return whose files these are."""
-
-    @property
-    def general(self) -> bool:
-        """Return whether every other layout that fits takes precedence."""
-
-    def sniff(self, head: bytes) -> Sight:
-        """Return which marks of the layout the first bytes of a file show."""
-
-    def read(self, path: Path) -> tuple[Recording, ...]:
-        """Return the tests of one file."""
 
 
 class AbstractFormat(ABC):

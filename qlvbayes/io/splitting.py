@@ -181,30 +181,28 @@ class _Table:
 def _by_label(
     test: Recording, columns: Sequence[NamedColumn], labels: Sequence[Labels]
 ) -> list[Recording]:
-    """Return a test for each stretch of rows with the same labels, or the test itself.
-
-    Of columns that name the specimen and the test the first states the pad.
-    """
+    """Return a test for each stretch of rows with the same labels, or the test itself."""
     changes = [np.diff(one.codes) != 0 for one in labels]
     cuts = [0, *(np.flatnonzero(np.any(changes, axis=0)) + 1).tolist(), test.time.values.size]
     if not labels or not 2 < len(cuts) <= _MOST_TESTS + 1 or min(np.diff(cuts)) < LEAST:
         return [test]
-    words = [_LABEL.fullmatch(plain_name(column.name)) for column in columns]
+    names = [column.name for column in columns]
+    unused = tuple(name for name in test.unused if name not in names)
+    words = [_LABEL.fullmatch(plain_name(name)) for name in names]
     specimens = [k for k, word in enumerate(words) if word and word["specimen"]]
-    of_pad = specimens[:1] if len(specimens) < len(columns) else []
-    unused = tuple(name for name in test.unused if name not in [c.name for c in columns])
+    several = len(specimens) < len(columns)  # columns of specimens and of their tests
+    of_pad = specimens[0] if several and specimens else None
     tests = []
     for begin, end in pairwise(cuts):
-        row = [
-            (c.name, one.texts[one.codes[begin]]) for c, one in zip(columns, labels, strict=True)
-        ]
-        own = [text if not text.isdigit() else f"{name} {text}" for name, text in row]
-        kept = [text for k, text in enumerate(own) if k not in of_pad]
+        row = [one.texts[one.codes[begin]] for one in labels]
+        own = [test.name]
+        for k, (name, text) in enumerate(zip(names, row, strict=True)):
+            own += [] if k == of_pad else [f"{name} {text}" if text.isdigit() else text]
         part = test.changed(itemgetter(slice(begin, end)))
-        stated = named_specimen(*row[of_pad[0]]) if of_pad else Stated()
-        full, dropped = " ".join([test.name, *kept]).strip(), {} if begin else test.dropped
+        stated = Stated() if of_pad is None else named_specimen(names[of_pad], row[of_pad])
+        full, dropped = " ".join(own).strip(), {} if begin else test.dropped
         tests.append(replace(part, name=full, dropped=dropped, unused=unused, stated=stated))
-    if len(specimens) == len(columns) or not starts_on_one_clock([t.time.values for t in tests]):
+    if not several or not starts_on_one_clock([one.time.values for one in tests]):
         return tests
     return [replace(one, stated=replace(one.stated, began=0.0, dated=_RUNS_ON)) for one in tests]
 

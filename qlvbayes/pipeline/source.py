@@ -18,10 +18,9 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.conversion import Conversion, convert, tidy_text, write_tidy
 from qlvbayes.io.data import Measurements, Pad, measurements_of, read_measurements
 from qlvbayes.io.files import folder_fault, results_folder, same_folder, stem_of
-from qlvbayes.io.formats import known_formats, matching
+from qlvbayes.io.formats import Format, known_formats, matching
 from qlvbayes.io.layouts import TWO_CLOCKS
 from qlvbayes.io.loading import Answers
-from qlvbayes.io.recording import Format
 from qlvbayes.io.text import head_of
 from qlvbayes.io.tidy import sniff
 from qlvbayes.io.units import PAD
