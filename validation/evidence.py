@@ -26,7 +26,7 @@ from qlvbayes.motion.evidence import direct_evidence
 from qlvbayes.motion.experiment import prepare
 
 COLUMNS = ("population", "pads", "beyond doubt", "wrong", "95 % bound")
-SHOWN = ("adhesion", "inertia", "friction", "frame_ringing", "channel_lag", "force_drift")
+SHOWN = ("adhesion", "inertia", "friction", "frame_ringing", "channel_lag")
 """Effects that readings may show beyond doubt; a contact before the file's zero is one more."""
 
 

@@ -16,8 +16,9 @@ measured on :math:`F - K \delta`, in which both errors show whatever the control
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,6 @@ _SEEN = 3.0  # and so many resolutions of the displacement
 _STEADY = 0.01  # of the largest force, above which a force scatters too much to be held
 _SLOW_ERRORS = 4.0  # sds of neighbouring readings, above which too: it rises and relaxes at a turn
 _PLAIN = 2.0  # times what the scatter of the force explains, above which a specimen creeps
-_ENOUGH = 5000  # readings of a test that show its holds
 _ENDS = 0.05  # of a hold's time at either end, where the movement next to it may reach in
 _FADES = 1.05  # times as long as its second quarter the third takes; once at even speed
 _CORNER = 6.0  # sds of a held force, beyond which two readings in a row are outside the hold,
@@ -53,8 +53,7 @@ _STOPS = 0.5  # of its way before, that it makes in the same time when it has st
 _FEWEST_LEFT = 3  # readings in a phase that a change of control cuts
 
 
-@dataclass(frozen=True)
-class LevelStretch:
+class LevelStretch(NamedTuple):
     """Readings from first to before stop, between which the force stays near a level."""
 
     first: int
@@ -115,20 +114,13 @@ def stretches(test: Test) -> list[LevelStretch]:
 
 def _creeping(test: Test, trajectory: Trajectory) -> list[tuple[float, float]]:
     """Return beginnings and ends (s) of the stretches of held force in which a specimen creeps."""
-    if np.max(np.abs(test.force)) == 0.0 or np.max(np.abs(test.displacement)) == 0.0:
-        return []
-    every = slice(None, None, max(test.time.size // _ENOUGH, 1))
-    fewer = replace(
-        test, time=test.time[every], displacement=test.displacement[every], force=test.force[every]
-    )
     holds: list[tuple[float, float]] = []
-    for part in stretches(fewer):
-        if not part.held:
-            continue
-        start, stop = _corners(test, fewer, part)
-        apart = not holds or start > holds[-1][1]
-        if apart and _creeps(fewer, trajectory, part.level, start, stop):
-            holds.append((start, stop))
+    if np.any(test.force) and np.any(test.displacement):
+        for part in (part for part in stretches(test) if part.held):
+            start, stop = _corners(test, part)
+            apart = not holds or start > holds[-1][1]
+            if apart and _creeps(test, trajectory, part.level, start, stop):
+                holds.append((start, stop))
     return holds
 
 
@@ -161,18 +153,17 @@ def _creeps(test: Test, trajectory: Trajectory, level: float, first: float, last
     return bool(third >= _FADES * second)
 
 
-def _corners(test: Test, fewer: Test, part: LevelStretch) -> tuple[float, float]:
+def _corners(test: Test, part: LevelStretch) -> tuple[float, float]:
     """Return when a held force begins and ends (s), to a reading."""
-    spare = max(int(_ENDS * (part.stop - part.first)), 1)
-    sd = float(np.std(fewer.force[part.first + spare : part.stop - spare]))
-    least = max(_CORNER * sd, _EXACT * float(np.max(np.abs(test.force))))
-    outside = np.abs(test.force - part.level) > least
+    first, stop, level, _ = part
+    spare, middle = max(int(_ENDS * (stop - first)), 1), (first + stop) // 2
+    sd = float(np.std(test.force[first + spare : stop - spare]))
+    outside = np.abs(test.force - level) > max(_CORNER * sd, _EXACT * np.max(np.abs(test.force)))
     gone = outside[1:] & outside[:-1]
-    middle = int(np.searchsorted(test.time, fewer.time[(part.first + part.stop) // 2]))
     before, after = np.flatnonzero(gone[: middle - 1]), np.flatnonzero(gone[middle:])
-    first = int(before[-1]) + 2 if before.size else 0
-    last = middle + int(after[0]) - 1 if after.size else test.time.size - 1
-    return float(test.time[first]), float(test.time[max(last, first)])
+    begin = int(before[-1]) + 2 if before.size else 0
+    end = middle + int(after[0]) - 1 if after.size else test.time.size - 1
+    return float(test.time[begin]), float(test.time[max(end, begin)])
 
 
 def _between(test: Test, trajectory: Trajectory, start: float, stop: float) -> Control:

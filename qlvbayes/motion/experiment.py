@@ -68,15 +68,9 @@ class Trial:
     @property
     def used_phases(self) -> tuple[Phase, ...]:
         """Phases without those whose every reading of force the user leaves out."""
-        if self.recorded is None:
-            return self.phases
-        size = len(self.phases)
-        read, used = (
-            np.bincount(phase_index(self.phases, test.time), minlength=size)
-            for test in (self.recorded, self.test)
-        )
-        gone = (read > 0) & (used == 0)
-        return tuple(phase for phase, out in zip(self.phases, gone, strict=True) if not out)
+        read, used = (phase_index(self.phases, test.time) for test in (self.whole, self.test))
+        gone = np.setdiff1d(read, used)
+        return tuple(phase for k, phase in enumerate(self.phases) if k not in gone)
 
     @property
     def name(self) -> str:
@@ -170,11 +164,13 @@ class Experiment:
     @property
     def _load_controlled(self) -> tuple[str, ...]:
         """A sentence on the tests in which a prescribed force was detected, if there are any."""
-        loaded = [
-            t.name if t.control is not None else f"{t.name} ({_loaded_times(t)})"
-            for t in self.trials
-            if not t.test.states_control and t.control != Control.DISPLACEMENT
-        ]
+        loaded = []
+        for trial in self.trials:
+            runs = [list(run) for _, run in groupby(trial.phases, key=lambda one: one.control)]
+            held = [run for run in runs if run[0].control == Control.FORCE]
+            times = [f"{plain(run[0].start)} to {plain(run[-1].stop)} s" for run in held]
+            if held and not trial.test.states_control:
+                loaded.append(trial.name + (f" ({joined(times)})" if len(runs) > 1 else ""))
         if not loaded:
             return ()
         those = f"test{'s' if len(loaded) > 1 else ''} {joined(loaded)}"
@@ -369,44 +365,27 @@ def _smoothed(
 
 
 def _trial(whole: Test, step: float, scatter: float, units: UnitSystem) -> Trial:
-    trajectory, whole = _moved(whole, step, scatter)
+    if whole.anew is None:
+        trajectory = smooth(whole.time, whole.displacement, step, scatter)
+    else:
+        read = whole.anew.copy()
+        read[[0, -1]] = True  # the motion lasts as long as the force
+        trajectory = smooth(whole.time[read], whole.displacement[read], step, scatter)
+        path = np.where(read, whole.displacement, trajectory.displacement(whole.time))
+        whole = replace(whole, displacement=path, anew=None)
     test, recorded = whole, None
     if whole.used is not None:
         test = replace(without(whole, ~whole.used), used=None)
         recorded = replace(whole, used=None)
     phases = phases_of(test, trajectory, controls_of(test, trajectory))
-    rate = whole.rate if whole.rate is not None else _rate(whole, trajectory, phases, units)
+    kinds, rate = {phase.kind for phase in phases}, whole.rate
+    if rate is None and "ramp" in kinds:
+        rate = loading_rate(trajectory, phases)
+    elif rate is None and any(phase.control == Control.FORCE for phase in phases):
+        rate = trajectory.top_speed  # of the creep under a weight that is put on at once
+    elif rate is None:
+        raise no_ramp(whole, trajectory, phases, units)
     return Trial(test, trajectory, phases, rate, whole.role or "", recorded=recorded)
-
-
-def _moved(test: Test, step: float, scatter: float) -> tuple[Trajectory, Test]:
-    """Return the motion of a test, and the test with it where the displacement was not read."""
-    if test.anew is None:
-        return smooth(test.time, test.displacement, step, scatter), test
-    read = test.anew.copy()
-    read[[0, -1]] = True  # the motion lasts as long as the force
-    trajectory = smooth(test.time[read], test.displacement[read], step, scatter)
-    path = np.where(read, test.displacement, trajectory.displacement(test.time))
-    return trajectory, replace(test, displacement=path, anew=None)
-
-
-def _loaded_times(trial: Trial) -> str:
-    """Return when the force was prescribed, as '1.8 to 3.8 s and 5 to 7 s'."""
-    runs = (list(run) for _, run in groupby(trial.phases, key=lambda phase: phase.control))
-    loaded = (run for run in runs if run[0].control == Control.FORCE)
-    return joined([f"{plain(run[0].start)} to {plain(run[-1].stop)} s" for run in loaded])
-
-
-def _rate(
-    test: Test, trajectory: Trajectory, phases: tuple[Phase, ...], units: UnitSystem
-) -> float:
-    """Return the loading rate; under a weight put on at once, the creep's largest speed."""
-    kinds = {phase.kind for phase in phases}
-    if "ramp" not in kinds and any(phase.control == Control.FORCE for phase in phases):
-        return trajectory.top_speed
-    if "ramp" not in kinds:
-        raise no_ramp(test, trajectory, phases, units)
-    return loading_rate(trajectory, phases)
 
 
 def _roles(trials: Sequence[Trial], fit_rate: float) -> list[str]:

@@ -59,7 +59,14 @@ def falls_of(test: Test, trajectory: Trajectory, phases: Sequence[Phase]) -> tup
     scatter = 1.4826 * np.nanmedian(np.abs(nearby - middle), axis=1)
     clear = -change[at] > _SCATTERS * scatter
     at, after = at[clear], after[clear]
-    goes_on = [any(_goes_on(trajectory, ramp, test, k) for ramp in ramps) for k in at.tolist()]
+    goes_on = np.zeros(at.size, dtype=bool)
+    begin, end = test.time[at], test.time[np.minimum(at + _LASTING, test.time.size - 1)]
+    for ramp in ramps:  # the platen advances after it, well within a loading ramp
+        ends = np.array([ramp.start, ramp.stop])
+        mean_speed = float(np.diff(trajectory.displacement(ends))[0] / np.diff(ends)[0])
+        way = trajectory.displacement(end) - trajectory.displacement(begin)
+        inside = (begin >= ramp.start) & (end <= ramp.stop)
+        goes_on |= inside & (way > _MOVING * mean_speed * (end - begin))
     at, after = at[goes_on], after[goes_on]
     apart = np.flatnonzero(np.diff(at) > _LASTING) + 1
     runs = np.split(np.arange(at.size), apart) if at.size else []
@@ -75,18 +82,6 @@ def _around(values: np.ndarray, at: np.ndarray, steps: Sequence[int]) -> np.ndar
     indices = at[:, None] + np.asarray(steps)
     inside = (indices >= 0) & (indices < values.size)
     return np.where(inside, values[np.clip(indices, 0, values.size - 1)], np.nan)
-
-
-def _goes_on(trajectory: Trajectory, ramp: Phase, test: Test, k: int) -> bool:
-    """Return whether the platen advances after reading k, well within a loading ramp."""
-    begin, end = test.time[k], test.time[min(k + _LASTING, test.time.size - 1)]
-    if begin < ramp.start or end > ramp.stop:
-        return False
-    start, before, after, stop = trajectory.displacement(
-        np.array([ramp.start, begin, end, ramp.stop])
-    )
-    mean_speed = (stop - start) / (ramp.stop - ramp.start)
-    return bool((after - before) / (end - begin) > _MOVING * mean_speed)
 
 
 def fall_notice(pad: str, test: str, falls: Sequence[ForceDrop], units: UnitSystem) -> str:

@@ -82,16 +82,16 @@ def reduce_test(
         kept = np.ones(begin.size, dtype=bool)
     # before single samples the motion is as fine as that of the block means
     lead = edges[(edges > time[0]) & (edges < time[rows[0]])]
-    averaged = jax.tree.map(
-        lambda x: held(np.asarray(x)[kept]), _average(test, rows, begin, sd_scale)
-    )
     centre, half = (x[kept] for x in _nodes(time[rows], begin))
     half = off_kinks(centre, half, time, trajectory)
     nodes = np.stack([centre - half, centre + half])
+    blocks = _average(test, rows, begin, kept, sd_scale)
     if fineness is not None:
-        averaged = _with_errors(averaged, trajectory, centre, fineness)
         moments = time, test.force, begin, trajectory, fineness.floor.white
-        averaged = replace(averaged, timing=held(timing_sd(*moments, rows, touches)[kept]))
+        timing = held(timing_sd(*moments, rows, touches)[kept])
+        scale = held(fineness.floor.scale(np.asarray(blocks.force)))
+        extra = held(_force_errors(blocks, trajectory, centre, fineness))
+        blocks = replace(blocks, scale=scale, extra=extra, timing=timing)
     chord = np.inf if fineness is None else fineness.chord
     begun = approached and (past is None or not past.stays)
     first = float(read[0])
@@ -114,7 +114,7 @@ def reduce_test(
         motion, indices = _remembering(motion, past), indices + past.time.size
         before = ((0, 0), (past.time.size, 0))
         wrong = jax.tree.map(lambda x: held(np.pad(x, before)), wrong)
-    return Record(motion, held(indices), averaged, wrong)
+    return Record(motion, held(indices), blocks, wrong)
 
 
 def block_edges(phases: Sequence[Phase], kinks: Array, time: Array) -> Array:
@@ -227,22 +227,23 @@ def _remembering(motion: Motion, past: EarlierMotion) -> Motion:
 
 
 def _average(
-    test: Test, rows: NDArray[np.intp], begin: NDArray[np.intp], sd_scale: float
+    test: Test, rows: NDArray[np.intp], begin: NDArray[np.intp], kept: Mask, sd_scale: float
 ) -> Blocks:
     time, ends = test.time[rows], np.append(begin[1:], rows.size)
     count = (ends - begin).astype(float)
     force = np.add.reduceat(test.force[rows], begin) / count
-    weight = None
+    weight = np.ones(count.shape)
     if test.force_sd is not None:
         weight = np.sqrt(np.add.reduceat((test.force_sd[rows] / sd_scale) ** 2, begin) / count)
-    blocks = Blocks.of_means(force, count, time[begin], time[ends - 1], weight)
-    return replace(blocks, tare=held(np.full(count.shape, test.tare_sd)))
+    means = (x[kept] for x in (force, count, time[begin], time[ends - 1], weight))
+    blocks = Blocks.of_means(*means)
+    return replace(blocks, tare=held(np.full(np.shape(blocks.count), test.tare_sd)))
 
 
-def _with_errors(
+def _force_errors(
     blocks: Blocks, trajectory: Trajectory, centre: Array, fineness: Fineness
-) -> Blocks:
-    """Add the noise at each block's force, and the force error that the motion's error makes."""
+) -> Array:
+    """Return the force error (B,) in N that the motion's error makes at each block's centre."""
     force, depth = np.asarray(blocks.force), trajectory.displacement(centre)
     sd = trajectory.displacement_sd(centre)
     stiffness = np.zeros_like(force)
@@ -250,8 +251,7 @@ def _with_errors(
         rise, travel = np.gradient(force), np.gradient(depth)
         sure = np.maximum(travel**2, np.maximum(_SURE * sd, 1e-9 * np.ptp(depth) + 1e-100) ** 2)
         stiffness = np.abs(rise * travel) / sure
-    extra = np.minimum(stiffness, fineness.stiffness) * sd
-    return replace(blocks, scale=held(fineness.floor.scale(force)), extra=held(extra))
+    return np.asarray(np.minimum(stiffness, fineness.stiffness) * sd)
 
 
 def _nodes(time: Array, begin: NDArray[np.intp]) -> tuple[Array, Array]:

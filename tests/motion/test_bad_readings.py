@@ -25,11 +25,10 @@ def relaxing(time, depth):
     return solid(time, 4.0 * np.expm1(0.5 * depth), 0.25, 0.75, 2.5)
 
 
-def noise(size, seed=0, white=0.004, ou=0.006, tau=0.5, step=0.01):
-    rng = np.random.default_rng(seed)
-    keep = np.exp(-step / tau)
-    kicks = ou * np.sqrt(1.0 - keep**2) * rng.normal(size=size)
-    return white * rng.normal(size=size) + lfilter([1.0], [1.0, -keep], kicks)
+def noise(size, seed=0):
+    rng, keep = np.random.default_rng(seed), np.exp(-0.01 / 0.5)
+    kicks = 0.006 * np.sqrt(1.0 - keep**2) * rng.normal(size=size)
+    return 0.004 * rng.normal(size=size) + lfilter([1.0], [1.0, -keep], kicks)
 
 
 def recorded(time, depth, force=None, seed=0, encoder=0.001, name="1mm/s"):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.hidden_pads import hidden_pad
+from support.motions import steered
 from support.solids import made_ready, solid
 
 from qlvbayes.diagnosis.searchsetup import protocol_of
@@ -26,24 +27,15 @@ def beyond_doubt(experiment, *, bonded=False):
     return {name for name, one in seen(experiment, bonded=bonded).items() if one.beyond_doubt}
 
 
-def a_press(speed, *, ramp_up=0.05, stroke=2.0, back=2.4, rest=3.0):
-    """A platen that presses, holds and moves back farther than it came: time, motion."""
-
-    def move(length):
-        ends = [0.0, ramp_up, length / speed, length / speed + ramp_up]
-        return np.interp(np.arange(0.0, ends[-1], 1e-3), ends, [0.0, speed, speed, 0.0])
-
-    still = np.zeros(round(rest / 1e-3))
-    velocity = np.concatenate([still, move(stroke), still, -move(back), still])
-    time, displacement = 1e-3 * np.arange(velocity.size), 1e-3 * np.cumsum(velocity)
-    return time, displacement, velocity, np.gradient(velocity, 1e-3)
-
-
 def pressed(force_of, speeds=(2.0, 10.0), **press):
-    """The tests of a pad at some speeds, its force a function of time, depth, speed, rate."""
+    """The tests of a pad at some speeds, its force a function of time, depth, speed, rate.
+
+    The platen moves back farther than it came.
+    """
+    press = {"ramp_up": 0.05, "stroke": 2.0, "back": 2.4, "rest": 3.0} | press
     rng, tests = np.random.default_rng(0), []
     for speed in speeds:
-        time, *motion = a_press(speed, **press)
+        time, *motion = steered(speed, **press)
         at = np.arange(0.0, time[-1], 0.01)
         depth = np.round(np.interp(at, time, motion[0]), 3)
         force = np.interp(at, time, force_of(time, *motion))
@@ -178,56 +170,13 @@ def test_a_force_that_follows_stops_late_is_measured(delay, ramp_up):
     assert "channel_lag" in beyond_doubt(experiment)
 
 
-def on_the_clock(experiment, *starts, of=lambda test, start: test.force):
-    """The same tests begun at these times (s), with another force."""
-    tests = [trial.test for trial in experiment.trials]
-    return made_ready(
-        *(
-            replace(test, name=f"{k}", force=of(test, start), start_s=start, start_known=True)
-            for k, (test, start) in enumerate(zip(tests, starts, strict=True))
-        )
-    )
-
-
-def test_a_force_before_contact_that_grows_with_the_clock_is_measured():
-    """Four presses a hundred seconds apart, whose load cell drifts by 0.2 mN a second."""
-    still = pressed(lambda _, depth, *__: spring(depth), speeds=(1.0, 2.0, 3.0, 4.0))
-    starts = (0.0, 100.0, 200.0, 300.0)
-    drifting = on_the_clock(
-        still, *starts, of=lambda test, start: test.force + 2e-4 * (start + test.time)
-    )
-    assert "force_drift" not in seen(on_the_clock(still, *starts))
-    assert "force_drift" in beyond_doubt(drifting)
-    assert seen(drifting)["force_drift"].value == pytest.approx(2e-4, rel=0.05)
-
-
-@pytest.mark.parametrize(("pause", "told"), [(600.0, True), (20.0, False)])
-def test_a_later_loading_is_lower_beyond_what_a_relaxation_of_any_time_may_leave(pause, told):
-    """A tenth is lost from the first test to the second, which a slow mode may also do at first."""
-    twice = pressed(lambda _, depth, *__: spring(depth), speeds=(2.0, 2.0))
-    experiment = on_the_clock(
-        twice, 0.0, pause, of=lambda test, start: test.force * (0.9 if start else 1.0)
-    )
-    assert ("stress_softening" in seen(experiment)) is told
-    assert beyond_doubt(experiment) == set()
-
-
-def without_the_last_rest(experiment):
-    tests = []
-    for trial in experiment.trials:
-        kept, test = trial.test.time < trial.phases[-1].start, trial.test
-        parts = {key: getattr(test, key)[kept] for key in ("time", "displacement", "force")}
-        tests.append(replace(test, **parts))
-    return made_ready(*tests)
-
-
 def test_a_pull_counts_where_the_record_ends_with_it_and_a_drag_there_is_none():
-    assert "adhesion" in beyond_doubt(without_the_last_rest(pressed(glued, (1.0, 4.0), back=1.95)))
-    for drag in (lambda v: 0.02 * v, lambda v: 0.05 * np.sign(v) * np.abs(v) ** 0.5):
-        film = pressed(
-            lambda _, depth, v, __, drag=drag: spring(depth) + drag(v), (1.0, 4.0), back=1.95
-        )
-        assert beyond_doubt(without_the_last_rest(film)) == set()
+    lifted = {"speeds": (1.0, 4.0), "back": 1.95, "ends": True}
+    assert "adhesion" in beyond_doubt(pressed(glued, **lifted))
+    for power, size in ((1.0, 0.02), (0.5, 0.05)):
+        drags = lambda v, p=power, c=size: c * np.sign(v) * np.abs(v) ** p  # noqa: E731
+        film = pressed(lambda _, d, v, __, drags=drags: spring(d) + drags(v), **lifted)
+        assert beyond_doubt(film) == set()
 
 
 @pytest.mark.parametrize(("ramp_up", "stroke"), [(0.02, 20.0), (0.1, 4.0)])

@@ -8,6 +8,7 @@ import pytest
 from blind.study import measured
 from hypothesis import given
 from hypothesis import strategies as st
+from support.motions import steered
 
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
@@ -92,23 +93,6 @@ def spoilt(seed=None):
 @pytest.mark.parametrize("pad", [a_pull(stretched, hold=10.0), *map(spoilt, (None, 0, 4))])
 def test_what_relaxes_a_bad_reading_and_noise_for_a_while_do_not_tear(pad):
     assert falls(pad) == ()
-
-
-def steered(speed, ramp_up, *, jerk=0.0, stroke=5.0, dwell=2.0, back=0.0):
-    """A platen's strokes at a speed (mm/s) reached within ramp_up (s): time (s), motion."""
-    step = 1e-3
-
-    def trapezoid(length):
-        ends = [0.0, ramp_up, length / speed, length / speed + ramp_up]
-        return np.interp(np.arange(0.0, ends[-1], step), ends, [0.0, speed, speed, 0.0])
-
-    rest = np.zeros(round(dwell / step))
-    velocity = np.concatenate([rest, trapezoid(stroke), rest, -trapezoid(back), rest])
-    if jerk:
-        width = round(jerk / step)
-        velocity = np.convolve(velocity, np.full(width, 1.0 / width), mode="same")
-    time, displacement = step * np.arange(velocity.size), step * np.cumsum(velocity)
-    return time, displacement, velocity, np.gradient(velocity, step)
 
 
 def falls_at(rate, time, displacement, force, seed=0):

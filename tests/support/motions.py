@@ -215,3 +215,25 @@ def uneven(motion, readings, seed=5):
     """Times of a logger that thins: gaps between samples vary by a factor of 8."""
     gaps = np.exp(np.random.default_rng(seed).uniform(0.0, np.log(8.0), readings - 1))
     return np.append(0.0, np.cumsum(gaps)) * motion.duration / gaps.sum()
+
+
+def steered(speed, ramp_up, *, jerk=0.0, stroke=5.0, rest=2.0, back=0.0, ends=False):
+    """A platen that moves in and back at a speed (mm/s) reached within ramp_up (s), and rests.
+
+    Returns time (s), displacement, velocity and acceleration; ends: with the movement back.
+    """
+    step = 1e-3
+
+    def move(length):
+        ends = [0.0, ramp_up, length / speed, length / speed + ramp_up]
+        return np.interp(np.arange(0.0, ends[-1], step), ends, [0.0, speed, speed, 0.0])
+
+    still = np.zeros(round(rest / step))
+    velocity = np.concatenate(
+        [still, move(stroke), still, -move(back), still[: 0 if ends else None]]
+    )
+    if jerk:
+        width = round(jerk / step)
+        velocity = np.convolve(velocity, np.full(width, 1.0 / width), mode="same")
+    time, displacement = step * np.arange(velocity.size), step * np.cumsum(velocity)
+    return time, displacement, velocity, np.gradient(velocity, step)

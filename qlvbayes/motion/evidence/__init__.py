@@ -8,8 +8,8 @@ from dataclasses import replace
 from qlvbayes.io.contact import FirstContact
 from qlvbayes.motion.evidence.levels import DirectEvidence, Levels
 from qlvbayes.motion.evidence.lifting import adhesion_seen, friction_seen
-from qlvbayes.motion.evidence.repeating import contact_seen, contacts_of, drift_seen, repeated_seen
 from qlvbayes.motion.evidence.starting import inertia_seen, lag_seen, ringing_seen
+from qlvbayes.motion.evidence.touching import contact_seen, contacts_of
 from qlvbayes.motion.experiment import Experiment
 
 __all__ = ["DirectEvidence", "direct_evidence", "with_mass"]
@@ -31,8 +31,6 @@ def direct_evidence(
         *ringing_seen(tests),
         *lag_seen(tests),
         *contact_seen(experiment, contacts_of(experiment) if contacts is None else contacts),
-        *repeated_seen(tests),
-        *drift_seen(tests),
     )
     return tuple(sorted(every, key=lambda one: not one.beyond_doubt))
 

@@ -10,7 +10,7 @@ from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence import DirectEvidence, direct_evidence
-from qlvbayes.motion.evidence.repeating import contacts_of
+from qlvbayes.motion.evidence.touching import contacts_of
 from qlvbayes.motion.experiment import Experiment, Trial
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of
 from qlvbayes.motion.past import remembered_tests
