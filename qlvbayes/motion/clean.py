@@ -71,8 +71,10 @@ class UnusedReadings:
     def of(cls, test: Test, reasons: Reasons) -> UnusedReadings | None:
         """Return the readings of a test for which there is a reason (n,); None without any."""
         mask = reasons != ""
-        of_test = (x[mask] for x in (test.time, test.displacement, test.force))
-        return cls(mask, *of_test, reasons[mask].astype(np.str_)) if mask.any() else None
+        if not mask.any():
+            return None
+        time, way, force = (x[mask] for x in (test.time, test.displacement, test.force))
+        return cls(mask, time, way, force, reasons[mask].astype(np.str_))
 
     @property
     def count(self) -> int:
@@ -107,7 +109,7 @@ def left_out_notice(
     if not known:
         return ()
     parts = [f"test {test.name}: {', '.join(_groups(test, bad, units))}" for test, bad in known]
-    count = sum(np.count_nonzero(~bad.excluded) for _, bad in known)
+    count = sum(int(np.count_nonzero(~bad.excluded)) for _, bad in known)
     return (
         f"pad {pad}: {'; '.join(parts)}; {_readings(count)} {'is' if count == 1 else 'are'} left "
         "out, as the neighbours on both sides contradict what the other channel does not show "

@@ -27,7 +27,7 @@ from qlvbayes.motion.control import controls_of, phases_of, with_both_errors
 from qlvbayes.motion.falling import fall_notice, falls_of, largest_force, largest_stiffness
 from qlvbayes.motion.noisefloor import NoiseFloor, measure
 from qlvbayes.motion.noisefloor.fading import with_fading_sd
-from qlvbayes.motion.pad import by_phase, cut, excluded_notices, excluded_readings
+from qlvbayes.motion.pad import cut, excluded_notices, excluded_readings, parts_of
 from qlvbayes.motion.past import EarlierMotion, past_of
 from qlvbayes.motion.phases import Phase, loading_rate, no_ramp, phase_index
 from qlvbayes.motion.polling import fresh_forces, held_notices, with_fresh, with_own_readings
@@ -331,7 +331,7 @@ def _trials_of(
     held = held_notices(part.name, part.tests, fresh)
     part, slopes = without_slopes(part)
     phases: list[tuple[Phase, ...]] = [()] * len(begun)
-    if by_phase(leave_out):
+    if any(part.kind for part in parts_of((), leave_out)):
         tests = list(map(with_fresh, part.tests, fresh))
         trials, _, _ = _smoothed(tests, pad.units, keep_all=keep_all, limited=False)
         phases = [trial.phases for trial in trials]

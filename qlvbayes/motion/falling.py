@@ -62,8 +62,8 @@ def falls_of(test: Test, trajectory: Trajectory, phases: Sequence[Phase]) -> tup
     goes_on = np.zeros(at.size, dtype=bool)
     begin, end = test.time[at], test.time[np.minimum(at + _LASTING, test.time.size - 1)]
     for ramp in ramps:  # the platen advances after it, well within a loading ramp
-        ends = np.array([ramp.start, ramp.stop])
-        mean_speed = float(np.diff(trajectory.displacement(ends))[0] / np.diff(ends)[0])
+        whole = np.array([ramp.start, ramp.stop])
+        mean_speed = float(np.diff(trajectory.displacement(whole))[0] / np.diff(whole)[0])
         way = trajectory.displacement(end) - trajectory.displacement(begin)
         inside = (begin >= ramp.start) & (end <= ramp.stop)
         goes_on |= inside & (way > _MOVING * mean_speed * (end - begin))

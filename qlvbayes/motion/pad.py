@@ -134,11 +134,6 @@ def parts_of(use: Iterable[str], leave_out: Iterable[str]) -> list[PartOfTest]:
     return used + [_part(text, _LEAVE_OUT) for text in leave_out]
 
 
-def by_phase(leave_out: Iterable[str]) -> bool:
-    """Return whether a phase of a test is left out, for which phases must be found first."""
-    return any(part.kind for part in parts_of((), leave_out))
-
-
 def cut(pad: Pad, use: Sequence[str]) -> tuple[Pad, tuple[str, ...]]:
     """Return a pad with the selected parts of its tests, and a sentence on each cut."""
     tests, notices = list(pad.tests), []

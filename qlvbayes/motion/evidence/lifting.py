@@ -68,8 +68,8 @@ def adhesion_seen(tests: Sequence[Levels]) -> tuple[DirectEvidence, ...]:
     lifts = [lift for test in tests for lift in _lifts(test, rubs)]
 
     def pulls(place: Place | None) -> bool:
-        clear = place is not None and place.is_clear
-        return clear and place.value > WANDERS * experiment.peak
+        least = WANDERS * experiment.peak
+        return place is not None and place.is_clear and place.value > least
 
     resting = [lift for lift in lifts if pulls(lift.resting)]
     pulling = [lift for lift in lifts if pulls(lift.moving)]
