@@ -190,7 +190,7 @@ class Experiment:
         squares = [t.test.force_sd**2 for t in self.trials if t.test.force_sd is not None]
         return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else 1.0
 
-    @property
+    @cached_property  # each level of direct evidence asks for it
     def peak(self) -> float:
         """Largest magnitude of the force, noise aside."""
         return max(largest_force(trial.test) for trial in self.trials)

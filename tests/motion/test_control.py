@@ -99,8 +99,7 @@ def controls(test):
 
 
 def phases_of(test):
-    (trial,) = made_ready(test, all_tests=True).trials
-    return trial.phases
+    return made_ready(test, all_tests=True).trials[0].phases
 
 
 def described(phases):
@@ -264,15 +263,6 @@ def test_of_an_exact_force_the_displacement_tells_the_noise():
     assert 5e-3 * least * B.c[0] < floor < 5e-3 * steepest
 
 
-def test_only_where_the_force_is_prescribed_the_displacement_adds_noise():
-    test = stated(RECOVER)
-    (trial,) = made_ready(test, all_tests=True).trials
-    (read,) = with_both_errors([test], [trial.phases])
-    before = test.time < trial.phases[-1].start
-    assert np.array_equal(read.force[before], test.force[before])
-    assert not np.allclose(read.force[~before], test.force[~before])
-
-
 def test_a_record_begins_with_the_jump(paper_model):
     found = clocked(creep(WEIGHT))
     motion = jax.tree.map(lambda x: x[0], found.record(found.trials).motion)
@@ -322,8 +312,15 @@ def test_a_column_that_says_it_for_some_rows_only_or_in_other_words_is_refused(
 
 
 def test_what_the_file_says_counts():
+    """And only where the force is prescribed, the displacement adds noise."""
+    test = stated(RECOVER)
+    phases = phases_of(test)
     recovered = [("ramp", DISPLACEMENT), ("hold", DISPLACEMENT), ("recovery", FORCE)]
-    assert described(phases_of(stated(RECOVER))) == recovered
+    assert described(phases) == recovered
+    (read,) = with_both_errors([test], [phases])
+    before = test.time < phases[-1].start
+    assert np.array_equal(read.force[before], test.force[before])
+    assert not np.allclose(read.force[~before], test.force[~before])
     test, _ = recorded(PRESS)
     assert {p.control for p in phases_of(replace(test, control=DISPLACEMENT))} == {DISPLACEMENT}
     said = Prescribed(FORCE, 0.0, 5.0), Prescribed(DISPLACEMENT, 5.0, float(test.time[-1]))

@@ -74,17 +74,12 @@ def remembering(motion, past):
     return Motion(*map(jnp.asarray, joined), motion.start, jnp.asarray(ago))
 
 
-def sequence(programs, *, acceleration=AT_ONCE, return_speed=RETURN, pause=PAUSE, time=None):
+def sequence(programs, acceleration=AT_ONCE):
     """The whole motion, and the last test's own, times (s) and what it remembers."""
-    whole = join_programs(
-        programs, pause, return_speed=return_speed, acceleration_limit=acceleration
-    )
+    whole = join_programs(programs, PAUSE, return_speed=RETURN, acceleration_limit=acceleration)
     platens, tests = [], []
-    for name, begin, end in zip(whole.names, whole.begins, whole.ends, strict=True):
-        program = tuple(programs[name])
-        if return_speed is None and begin > 0.0:
-            program = (Hold(end - begin),)
-        platens.append(Platen(program, acceleration))
+    for name, begin in zip(whole.names, whole.begins, strict=True):
+        platens.append(Platen(tuple(programs[name]), acceleration))
         time = dense(platens[-1])
         tests.append(Test(name, "P", time, time, time, start_s=begin, start_known=True))
     paths = [path_of(platen) for platen in platens]
@@ -94,7 +89,7 @@ def sequence(programs, *, acceleration=AT_ONCE, return_speed=RETURN, pause=PAUSE
 
 def differences(programs, model, pad, *, acceleration=AT_ONCE):
     """(n,) what the earlier tests add to the last one's force: by the model, by the equations."""
-    whole, platen, time, past = sequence(programs, acceleration=acceleration)
+    whole, platen, time, past = sequence(programs, acceleration)
     motion = alone(platen, time)
     carried = np.asarray(model.force(remembering(motion, past)))[past.time.size :]
     own = np.asarray(model.force(motion))

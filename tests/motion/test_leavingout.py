@@ -14,7 +14,6 @@ from support.hidden_pads import FEW
 from support.solids import made_ready
 
 from qlvbayes import InputError
-from qlvbayes.fitting.optimum import find_start
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.io.data import Pad, Test, read_measurements
 from qlvbayes.io.units import PAD
@@ -99,20 +98,6 @@ def test_the_motion_and_its_phases_are_those_of_all_readings():
     assert np.array_equal(two.whole.time, one.test.time)
     assert np.setdiff1d(one.test.time, two.test.time).tolist() == two.left_out.time.tolist()
     assert two.left_out.count == 101
-
-
-def test_a_stretch_left_out_of_a_hold_is_as_good_as_rows_that_are_not_there():
-    """In sds of the posterior: the mode moves by 0.01 of one."""
-    modes = []
-    for test, chosen in (
-        (disturbed(), {"leave_out": [KNOCK]}),
-        (without_rows(pressed(), 5.0, 7.0), {}),
-    ):
-        experiment = prepared(test, **chosen)
-        normal = find_start(experiment, Choices(), experiment.trials).normal
-        modes.append((normal.mean, np.sqrt(np.diag(normal.covariance))))
-    (left_out, sd), (absent, _) = modes
-    assert np.max(np.abs(left_out - absent) / sd) < 0.01
 
 
 def modelled(experiment, since):

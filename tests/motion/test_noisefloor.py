@@ -144,12 +144,12 @@ def test_an_exact_relaxation_has_the_noise_of_the_motion_that_is_not_known_bette
 
 
 def test_measured_sds_set_the_share_of_each_reading():
-    rng = np.random.default_rng(6)
-    sd = WHITE * (0.5 + TIME % 1.0)
+    rng, time = np.random.default_rng(6), TIME[::10]
+    sd = WHITE * (0.5 + time % 1.0)
     found = []
     for _ in range(10):
-        noise = [sd * rng.normal(size=TIME.size) for _ in range(2)]
-        records = [Record(TIME, relaxation(TIME) + one, sd) for one in noise]
+        noise = [sd * rng.normal(size=time.size) for _ in range(2)]
+        records = [Record(time, relaxation(time) + one, sd) for one in noise]
         found.append(measure(records, [PHASES] * 2).white)
     assert_centred(np.array(found), np.sqrt(np.mean(sd**2)), 0.02)
 
