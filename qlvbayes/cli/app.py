@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import os
 import secrets
 import sys
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-import qlvbayes.app
 from qlvbayes.app.sessions import holds_results
 from qlvbayes.cli.options import EffectsFile
-from qlvbayes.effects.catalogue import own_effects
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed
 
@@ -70,22 +68,25 @@ def app(
         raise InputError("no results in this folder", file=file, remedy=remedy)
     if behind is not None and not behind.startswith(("http://", "https://")):
         raise InputError(f"no address {behind!r}", remedy="write https://NAME")
+    # imported here: the help does not wait for them, and a server that needs no JAX never loads it
+    from qlvbayes.app.server import Options, serve
+
     if effects_file is not None:
+        from qlvbayes.effects.catalogue import own_effects
+
         own_effects(effects_file)
     base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    options = {
-        "token": secrets.token_urlsafe(32),
-        "sessions": str((sessions or Path(base) / "qlvbayes" / "sessions").resolve()),
-        "host": host,
-        "port": port,
-        "behind": behind,
-        "open": None if file is None else str(file.resolve()),
-        "browser": browser,
-        "effects_file": None if effects_file is None else str(effects_file.resolve()),
-    }
+    options = Options(
+        token=secrets.token_urlsafe(32),
+        sessions=str((sessions or Path(base) / "qlvbayes" / "sessions").resolve()),
+        host=host,
+        port=port,
+        behind=behind,
+        open=None if file is None else str(file.resolve()),
+        browser=browser,
+        effects_file=None if effects_file is None else str(effects_file.resolve()),
+    )
     if sys.stderr.isatty():
         print("starting the bench …", file=sys.stderr, flush=True)
-    # replace this process by an interpreter that has no JAX loaded
-    serve = Path(qlvbayes.app.__file__).with_name("serve.py")
-    sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-P", str(serve), json.dumps(options)])
+    with suppress(KeyboardInterrupt):  # which ends it
+        serve(options)

@@ -24,8 +24,8 @@ for command in sys.argv[1:]:
 
 
 def test_the_help_of_a_command_does_not_wait_for_jax():
-    # those of the others read files alone, which takes numpy and scipy
-    commands = sorted({*COMMANDS} - {"app", "simulate"})
+    # that of the other reads files alone, which takes numpy and scipy
+    commands = sorted({*COMMANDS} - {"simulate"})
     line = [sys.executable, "-c", SHOWN, *commands]
     done = subprocess.run(line, capture_output=True, text=True, check=True)
     assert done.stdout.count(" Options ") >= len(commands)
