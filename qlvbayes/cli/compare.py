@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Seed, among, known_names, positive_values
+from qlvbayes.cli.options import AsJson, Data, Seed, among, known_names, positive_values
 from qlvbayes.io.checks import InputError
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ def compare(
     frequencies: Annotated[
         str, typer.Option(help="Frequencies (Hz), as '0.1,1'. Default: of the tests' range.")
     ] = "",
+    data: Data = None,
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -73,7 +74,7 @@ def compare(
     from qlvbayes.pipeline.derived import FOLDER, CompareStep, figure_of
 
     out_folder = folders[0]
-    fits, named = _fits(folders, pads)
+    fits, named = _fits(folders, pads, data)
     step = CompareStep(
         region, depth, positive_values("--rates", rates) or None,
         positive_values("--frequencies", frequencies) or None, seed,
@@ -95,7 +96,7 @@ def compare(
         out.print(f"results in {out_folder / FOLDER}")
 
 
-def _fits(folders: Sequence[Path], pads: str) -> tuple[list[Saved], bool]:
+def _fits(folders: Sequence[Path], pads: str, data: Path | None) -> tuple[list[Saved], bool]:
     """Return the fits of all folders, and whether they were named.
 
     Of several folders pads of one name are told apart by their folders' names.
@@ -109,7 +110,7 @@ def _fits(folders: Sequence[Path], pads: str) -> tuple[list[Saved], bool]:
         if len(folders) == 1:
             wanted = list(dict.fromkeys(known_names(pads, known, folder)))
         if wanted or not pads:
-            fits += [(folder, one) for one in saved_pads(folder, wanted)]
+            fits += [(folder, one) for one in saved_pads(folder, wanted, data)]
     if not fits:
         raise InputError(f"no fit of pad '{pads}'", remedy="name pads of these folders")
     names = [one.pad for _, one in fits]

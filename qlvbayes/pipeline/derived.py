@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +29,8 @@ from qlvbayes.fitting.summary import (
     write_constants,
 )
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.data import read_measurements
+from qlvbayes.motion.facts import covered
 from qlvbayes.parallel.running import package_digest
 from qlvbayes.pipeline.source import REFERENCES
 from qlvbayes.pipeline.steps import FITTED, Watcher, digest_of, is_finished, record_finished
@@ -91,9 +94,22 @@ def figure_of(out: Path, comparison: Comparison) -> Path:
     return out / FOLDER / "-vs-".join(comparison.names) / "contrasts.png"
 
 
-def saved_pads(out: Path, names: Sequence[str] = ()) -> list[Saved]:
-    """Return the fits of named pads in a folder, by default all; InputError if there are none."""
-    return [load(out / name / "posterior.nc") for name in names or fitted_pads(out)]
+def saved_pads(out: Path, names: Sequence[str] = (), data: Path | None = None) -> list[Saved]:
+    """Return the fits of named pads in a folder, by default all; InputError if there are none.
+
+    A posterior made elsewhere does not say what its tests cover: the measurements do.
+    """
+    read = cache(read_measurements)
+    fits = []
+    for name in names or fitted_pads(out):
+        saved = load(out / name / "posterior.nc")
+        source = data or Path(saved.source)
+        if saved.covered is None and source.is_file():
+            pad = read(source).pad(saved.pad)
+            tested, fluid = covered(saved.choices.prepare(pad)), saved.fluid or pad.fluid
+            saved = replace(saved, covered=tested, fluid=fluid)
+        fits.append(saved)
+    return fits
 
 
 def fitted_pads(out: Path) -> list[str]:
