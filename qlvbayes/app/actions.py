@@ -242,6 +242,7 @@ class Actions:
             session.bench[job.pad].sampled = state
             await self._bands(session, job.pad)
             session.save()
+        job.probabilities = {}  # those of the result count from now on
         self.events.publish(session.id, "result", {"pad": job.pad, "what": job.kind})
 
     # all else

@@ -283,4 +283,4 @@ def source_of(folder: Path) -> Path | None:
 
 def holds_results(folder: Path) -> bool:
     """Return whether a command or the bench has left results in a folder."""
-    return any((folder / name).is_file() for name in (_RUN, BENCH))
+    return any((folder / name).is_file() for name in (_RUN, BENCH, DATA))
