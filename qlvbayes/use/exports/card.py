@@ -30,7 +30,7 @@ ONE_DRAW = "the posterior: one draw only, with the intervals above"
 def card(pad: ExportedPad, target: type[AbstractTarget], extra: Iterable[str] = ()) -> list[str]:
     """Return the lines, without comment signs; ``extra``: what else is not represented."""
     lines = [
-        f"Pad {pad.name}, by qlvbayes {qlvbayes.__version__} on {pad.date}"
+        f"Pad {pad.pad}, by qlvbayes {qlvbayes.__version__} on {pad.date}"
         + (f", from {pad.origin}" if pad.origin else ""),
         f"Elastic law: {type(pad.elastic).name}, {type(pad.elastic).law}",
         f"Relaxation: {_relaxation(pad)}",

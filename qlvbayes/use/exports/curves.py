@@ -46,7 +46,7 @@ class ViscoelasticCurves(AbstractTarget):
         """Return the content of ``pad_B_relaxation.csv`` and ``pad_B_dynamic.csv``."""
         if pad.covered is None:
             raise InputError(
-                f"the results of pad {pad.name} do not say which rates and times were tested",
+                f"the results of pad {pad.pad} do not say which rates and times were tested",
                 remedy="run qlvbayes fit, or use --to json",
             )
         unit, compliance, scale = _units(pad, specimen)

@@ -58,7 +58,7 @@ def moduli(pad: ExportedPad, specimen: Geometry | None) -> Moduli:
         return Moduli(stiffness * _MPA * pad.units.factor_to(STRAIN, "stiffness"))
     if specimen is None:
         raise InputError(
-            f"pad {pad.name} has force over displacement, and a modulus needs its shape",
+            f"pad {pad.pad} has force over displacement, and a modulus needs its shape",
             remedy="give --height MM and --area MM2 of a homogeneous specimen",
         )
     return Moduli(
@@ -183,7 +183,7 @@ class PronyTable(AbstractTarget):
         said = card(pad, type(self), structure(pad))
         content = {
             "schema": 1,
-            "pad": pad.name,
+            "pad": pad.pad,
             "date": pad.date,
             "card": said,
             "fast_limit": {"E_Pa": young, "G_Pa": shear, "K_Pa": bulk, "poisson": POISSON},

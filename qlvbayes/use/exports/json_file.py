@@ -21,7 +21,7 @@ class JsonFile(AbstractTarget):
         """Return the content of ``pad_B.json``."""
         content = {
             "schema": 1,
-            "pad": pad.name,
+            "pad": pad.pad,
             "date": pad.date,
             "card": card(pad, type(self)),
             "units": asdict(pad.units),

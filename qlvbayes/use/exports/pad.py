@@ -17,16 +17,13 @@ from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import highest_density
 from qlvbayes.fitting.results import Saved, load
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.laws.relaxation.prony import Spectrum
-from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models
 from qlvbayes.model.model import Model
 from qlvbayes.model.parameters import fields_of
 from qlvbayes.model.stepping import without_inverse
-from qlvbayes.motion.facts import Covered
 from qlvbayes.use.exports.layers import ExportedLayer, exported_layers, in_spectrum
 
 _LONGEST = 40  # characters of a name in an identifier: C and MATLAB distinguish 63
@@ -60,33 +57,23 @@ class Draws:
         return len(self.elastic)
 
 
-@dataclass(frozen=True, eq=False)
-class ExportedPad:
-    """A fitted pad as every target gets it.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExportedPad(Saved):
+    """A fitted pad as every target gets it: the results file, and what an export makes of it.
 
     identifier: the name as C, XML and MATLAB take one, ``pad_B``, of this pad alone in its folder
     of results; middle: the draw that lies closest to the medians; table: draws evenly out of all;
     intervals: of the pad's constants; folder: of its results; date: of the export, as 2026-01-31;
-    model: with the constants of the middle draw and the effects that are exported; source, sha256:
-    the file that was fitted and its digest; data: where the user says that it is; all_tests:
-    whether every test was fitted; pieces: its layers, for other languages; left_out: effects that
+    model: with the constants of the middle draw and the effects that are exported; data: where the
+    user says that the tests are; pieces: its layers, for other languages; left_out: effects that
     are not exported, each with the reason; lacking: whether the diagnosis found something that no
     effect of the model is.
     """
 
-    name: str
     identifier: str
     folder: Path
     date: str
-    choices: Choices
-    units: UnitSystem
-    covered: Covered | None
-    source: str
-    sha256: str
     data: Path | None
-    all_tests: bool
-    fitted: tuple[str, ...]
-    converged: bool
     model: Model
     pieces: tuple[ExportedLayer, ...]
     left_out: dict[str, str]
@@ -111,7 +98,7 @@ class ExportedPad:
         return self.model.relaxation
 
     @property
-    def constants(self) -> tuple[str, ...]:
+    def constant_names(self) -> tuple[str, ...]:
         """Names of the elastic law's constants, then of the layers'."""
         own = [name for piece in self.pieces for name in piece.constants]
         return (*type(self.elastic).units, *own)
@@ -160,19 +147,11 @@ def read_pad(
     own = [names.index(name) for piece in pieces for name in piece.columns]
     every = _constants_of(drawn, values[chosen][:, own])
     return ExportedPad(
-        name=saved.pad,
+        **{field.name: getattr(saved, field.name) for field in fields(Saved)},
         identifier=identifier(saved.pad, [other.name for other in out.iterdir()]),
         folder=file.parent,
         date=date,
-        choices=saved.choices,
-        units=saved.units,
-        covered=saved.covered,
-        source=saved.source,
-        sha256=saved.sha256,
         data=data,
-        all_tests=saved.all_tests,
-        fitted=saved.fitted,
-        converged=saved.converged,
         model=_going_along(middle, left_out),
         pieces=pieces,
         left_out=left_out,

@@ -110,12 +110,12 @@ def pressing(pad: ExportedPad) -> Pressing:
     """Return the force of the middle draw, effects and all, along the pad's tests."""
     if pad.units.dimensionless:
         raise InputError(
-            f"pad {pad.name} has strain and stress, not displacement and force",
+            f"pad {pad.pad} has strain and stress, not displacement and force",
             remedy="use --to abaqus, febio or prony",
         )
     if pad.covered is None:
         raise InputError(
-            f"the results of pad {pad.name} do not say which depths and rates were tested",
+            f"the results of pad {pad.pad} do not say which depths and rates were tested",
             remedy="run qlvbayes fit, or use --to json",
         )
     tests, absent = own_tests(pad)
@@ -220,10 +220,10 @@ def own_tests(pad: ExportedPad) -> tuple[Experiment | None, str]:
         if pad.data is None:
             return None, f"{pad.origin} has changed since the fit"
         raise InputError(
-            f"not the file that pad {pad.name} was fitted to", file=pad.data, remedy="fit it again"
+            f"not the file that pad {pad.pad} was fitted to", file=pad.data, remedy="fit it again"
         )
     choices = pad.choices
-    tests = choices.prepare(_pad_of(study, pad.name), all_tests=pad.all_tests)
+    tests = choices.prepare(_pad_of(study, pad.pad), all_tests=pad.all_tests)
     return replace(tests, rested=choices.rested), ""
 
 

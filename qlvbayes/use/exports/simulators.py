@@ -75,7 +75,7 @@ def error_files(
     whole = {name: pressed.miss(force) for name, force in every.items()}
     content = {
         "schema": 1,
-        "pad": pad.name,
+        "pad": pad.pad,
         "target": target.name,
         "date": pad.date,
         "against": "model" if pressed.absent else "measured",
