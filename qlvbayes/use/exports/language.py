@@ -145,10 +145,9 @@ def layers_code(pieces: Sequence[ExportedLayer], language: Language) -> Iterator
     """Yield every layer as code, the innermost first."""
     below = MATERIAL
     for piece in pieces:
-        bodies = ([], [])
-        if not piece.late:
-            bodies = [_Layer(language, piece, below, x).text for x in (piece.begin, piece.step)]
-        yield WrittenLayer(piece, below, *bodies)
+        works = () if piece.late else (piece.begin, piece.step)
+        begin, step = [_Layer(language, piece, below, x).text for x in works] or ([], [])
+        yield WrittenLayer(piece, below, begin, step)
         below = piece.name
 
 
