@@ -33,17 +33,11 @@ class Figure:
     file: str = ""  # name of the file that it shares
 
     def draw(self, *computed: Any) -> Any:
-        """Draw the figure from what its command has computed of one pad; return its axes."""
-        if self.takes is None:
-            raise TypeError(f"{self.name} is not a figure of one pad")
-        return self.function(*self.takes(*computed))
-
-    @property
-    def function(self) -> Callable[..., Any]:
-        """The function that draws it, imported with Matplotlib only now."""
+        """Draw a figure of one pad from what its command has computed of it; return its axes."""
+        assert self.takes is not None
+        # imported with Matplotlib only now
         module = import_module(f"qlvbayes.plots.{self.file or self.name}")
-        found: Callable[..., Any] = getattr(module, f"plot_{self.name}")
-        return found
+        return getattr(module, f"plot_{self.name}")(*self.takes(*computed))
 
 
 FIGURES = (

@@ -12,7 +12,7 @@ from qlvbayes import plots
 from qlvbayes.fitting.residuals import Cell, CheckResult
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import PAD
-from qlvbayes.plots.catalogue import FIGURES, figures_of
+from qlvbayes.plots.catalogue import FIGURES
 from qlvbayes.plots.style import COLOURS, colours, style, using
 
 FOLDER = Path(plots.__file__).parent
@@ -32,13 +32,6 @@ def test_the_report_shows_every_figure_that_has_words(figure):
     assert re.search(rf"(figures|pad\.folder\])\.{figure.name}\b|figure\({figure.name}\)", text)
     assert figure.see
     assert ("{of}" in figure.shows) == (figure.takes is not None or figure.command == "compare")
-
-
-def test_a_figure_of_all_pads_is_not_drawn_for_one():
-    (constants,) = (one for one in FIGURES if one.name == "constants")
-    assert constants not in figures_of("fit")
-    with pytest.raises(TypeError, match="constants is not a figure of one pad"):
-        constants.draw(None)
 
 
 def test_public_figures_are_had_from_the_package_which_draws_nothing_in():

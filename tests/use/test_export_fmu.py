@@ -6,7 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from support.compiled_pad import GCC, STRICT, CompiledPad, needs_gcc
+from support.compiled_pad import CHECKED, GCC, STRICT, CompiledPad, needs_gcc
 from support.exported_pad import described, exported
 
 from qlvbayes.model.choices import Choices
@@ -20,32 +20,32 @@ TIME = np.arange(2049) * H
 DEPTH = np.interp(TIME, [0.0, 0.125, 1.0, 1.5, 2.0], [0.0, 1.6, 1.6, 0.9, 1.2])
 
 
+EXACT = 1e-12
 WITH = ("viscous_drag", "friction", "stress_softening", "force_offset")
+
+
+def built(folder, choices, *flags, **options):
+    """Path of an FMU, and the same pad's compiled header."""
+    if GCC is None:
+        pytest.skip("no gcc here: the FMU has no binary")
+    pad, path = exported(folder, choices, **options), folder / "pad_B.fmu"
+    path.write_bytes(Fmu().files(pad, None)["pad_B.fmu"])
+    return path, CompiledPad(folder / "c", CHeader().files(pad, None), flags=flags or CHECKED)
 
 
 @pytest.fixture(scope="module", params=["loose", "bonded", "effects"])
 def unit(request, tmp_path_factory):
-    """Path of an FMU, and the same pad's compiled header."""
-    folder = tmp_path_factory.mktemp("fmu")
     effects = WITH if request.param == "effects" else ()
-    pad = exported(folder, Choices(bonded=request.param == "bonded", effects=effects))
-    path = folder / "pad_B.fmu"
-    path.write_bytes(Fmu().files(pad, None)["pad_B.fmu"])
-    if GCC is None:
-        pytest.skip("no gcc here: the FMU has no binary")
-    return path, CompiledPad(folder / "c", CHeader().files(pad, None))
+    choices = Choices(bonded=request.param == "bonded", effects=effects)
+    return built(tmp_path_factory.mktemp("fmu"), choices)
 
 
 def simulated(path, name, values, **options):
     signals = np.array(list(zip(TIME, values, strict=True)), dtype=[("time", float), (name, float)])
     found = fmpy.simulate_fmu(
-        path,
-        stop_time=TIME[-1],
-        output_interval=H,
-        input=signals,
-        output=["displacement", "force", "contact"],
-        **options,
-    )
+        path, stop_time=TIME[-1], output_interval=H, input=signals,
+        output=["displacement", "force", "contact"], **options,
+    )  # fmt: skip
     assert np.array_equal(found["time"], TIME)
     return found
 
@@ -67,26 +67,29 @@ def late(values):
     return np.concatenate([values[:1], values[:-1]])
 
 
+def assert_force_of(path, program, draw=-1, **options):
+    """The unit's force is the header's along the displacement; return what was simulated."""
+    found = simulated(path, "displacement_in", DEPTH, **options)
+    expected, touched = program.force(TIME, late(DEPTH), draw=draw)
+    assert np.max(np.abs(found["force"] - expected)) <= EXACT * np.max(expected)
+    assert np.max(np.abs(found["displacement"] - late(DEPTH))) <= EXACT
+    assert np.array_equal(found["contact"], touched)
+    return expected
+
+
 def test_forces_and_displacements_are_the_headers_for_every_draw(unit):
     path, program = unit
-    found = simulated(path, "displacement_in", DEPTH)
-    expected, touched = program.force(TIME, late(DEPTH))
-    assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
-    assert np.max(np.abs(found["displacement"] - late(DEPTH))) <= 1e-12
-    assert np.array_equal(found["contact"], touched)
+    median = assert_force_of(path, program)
+    drawn = assert_force_of(path, program, draw=2, start_values={"draw": 3})
+    assert np.max(np.abs(drawn - median)) > 1e-3
     force = np.interp(TIME, [0.0, 0.1, 2.0], [0.0, 1.0, 1.0])
     found = simulated(path, "force_in", force, start_values={"prescribe_force": True})
     expected, _ = program.displacement(TIME, late(force))
-    assert np.max(np.abs(found["displacement"] - expected)) <= 1e-12
+    assert np.max(np.abs(found["displacement"] - expected)) <= EXACT
     bears, _ = program.force(TIME, expected, first=0.0)
-    assert np.max(np.abs(found["force"] - bears)) <= 1e-12
+    assert np.max(np.abs(found["force"] - bears)) <= EXACT
     asked = late(force) > 0.04  # what is read unloaded is the least
-    assert np.max(np.abs(bears - late(force))[asked]) <= 1e-12
-    found = simulated(path, "displacement_in", DEPTH, start_values={"draw": 3})
-    expected, _ = program.force(TIME, late(DEPTH), draw=2)
-    median, _ = program.force(TIME, late(DEPTH))
-    assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
-    assert np.max(np.abs(expected - median)) > 1e-3
+    assert np.max(np.abs(bears - late(force))[asked]) <= EXACT
 
 
 @pytest.fixture
@@ -117,7 +120,7 @@ def test_with_derivatives_the_force_is_on_time(unit, slave):
         slave.doStep(TIME[i], H)
         forces += slave.getReal([3])
     expected, _ = unit[1].force(TIME, DEPTH)
-    assert np.max(np.abs(np.array(forces) - expected)) <= 1e-12 * np.max(expected)
+    assert np.max(np.abs(np.array(forces) - expected)) <= EXACT * np.max(expected)
 
 
 KNOTS = np.array([0.0, 0.125, 1.0])  # multiples of a step: a step ends at the kink
@@ -138,10 +141,10 @@ def test_at_a_kink_an_importers_slope_of_the_line_before_overshoots_for_one_step
     over = np.array(depth) - np.interp(np.arange(257) * H, KNOTS, LOADED[0])
     kink = int(KNOTS[1] / H) + 1
     assert over[kink] == pytest.approx(1.6 / KNOTS[1] * H, rel=1e-9)
-    assert np.max(np.abs(np.delete(over, [1, kink]))) <= 1e-12  # it has no slope at the first knot
+    assert np.max(np.abs(np.delete(over, [1, kink]))) <= EXACT  # it has no slope at the first knot
     time, places = np.array(path).T
     expected, _ = unit[1].force(time, places)
-    assert np.max(np.abs(np.array(force) - expected[::2])) <= 1e-12 * np.max(expected)
+    assert np.max(np.abs(np.array(force) - expected[::2])) <= EXACT * np.max(expected)
 
 
 def test_it_never_goes_beyond_the_values_that_it_is_given(slave):
@@ -185,20 +188,10 @@ def test_the_state_is_saved_serialised_and_restored(slave, request):
 
 
 def test_what_has_no_way_back_refuses_a_force(tmp_path):
-    if GCC is None:
-        pytest.skip("no gcc here: the FMU has no binary")
-    pad = exported(tmp_path, Choices(effects=("channel_lag",)))
-    (tmp_path / "pad_B.fmu").write_bytes(Fmu().files(pad, None)["pad_B.fmu"])
+    path, program = built(tmp_path, Choices(effects=("channel_lag",)), *STRICT, "-DONE_WAY")
     with pytest.raises(Exception, match="fmi2ExitInitializationMode failed"):
-        simulated(
-            tmp_path / "pad_B.fmu", "force_in", 1.0 + DEPTH, start_values={"prescribe_force": True}
-        )
-    found = simulated(tmp_path / "pad_B.fmu", "displacement_in", DEPTH)
-    program = CompiledPad(
-        tmp_path / "c", CHeader().files(pad, None), flags=(*STRICT, "-O1", "-DONE_WAY")
-    )
-    expected, _ = program.force(TIME, late(DEPTH))
-    assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
+        simulated(path, "force_in", 1.0 + DEPTH, start_values={"prescribe_force": True})
+    assert_force_of(path, program)
 
 
 @needs_gcc
@@ -216,15 +209,7 @@ def test_sources_are_inside_and_strict(tmp_path, effects):
     subprocess.run(command, check=True)
 
 
-@needs_gcc
 def test_a_described_law_is_in_it(tmp_path):
     """A law that a diagnosis described, with a state and in the force, as in the header."""
     names = "factor_of_remembered_elastic_force", "power_drag_of_depth_squared"
-    choices = described(tmp_path, *names)
-    pad = exported(tmp_path, choices, spread=0.0)
-    unit = tmp_path / "pad_B.fmu"
-    unit.write_bytes(Fmu().files(pad, None)["pad_B.fmu"])
-    found = simulated(unit, "displacement_in", DEPTH)
-    program = CompiledPad(tmp_path / "c", CHeader().files(pad, None), flags=(*STRICT, "-DONE_WAY"))
-    expected, _ = program.force(TIME, late(DEPTH))
-    assert np.max(np.abs(found["force"] - expected)) <= 1e-12 * np.max(expected)
+    assert_force_of(*built(tmp_path, described(tmp_path, *names), *STRICT, "-DONE_WAY", spread=0.0))
