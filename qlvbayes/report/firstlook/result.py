@@ -11,13 +11,17 @@ from qlvbayes.motion.evidence import DirectEvidence
 BY_PHASE = "by phase"
 """Control of a test in which the prescribed quantity differs from phase to phase."""
 Answer = Literal["yes", "hardly", "no"]
+_KEYS = {
+    **{name: f"{name}_s" for name in ("start", "stop", "at", "duration", "interval", "clock_sd")},
+    **{name: f"{name}_mm" for name in ("step", "rms", "largest", "sd", "depth")},
+    **{name: f"{name}_N" for name in ("force", "force_sd", "peak", "at_rest", "total", "white")},
+    **{"begin": "from_mm", "end": "to_mm", "position": "place_mm", "correlated": "correlated_N"},
+    **{"rate": "rate_mm_s", "reached": "reached_mm_s", "tau": "tau_s"},
+}
+"""Keys of the file that say a quantity's unit, by the attribute's name."""
 
 
-class PhaseSeen(
-    Part,
-    frozen=True,
-    rename={"start": "start_s", "stop": "stop_s", "begin": "from_mm", "end": "to_mm"},
-):
+class PhaseSeen(Part, frozen=True, rename=_KEYS):
     """A phase from ``start`` to ``stop`` (s), with the displacement at both and its readings."""
 
     phase: str
@@ -29,11 +33,7 @@ class PhaseSeen(
     control: str  # what was prescribed in it, ``displacement`` or ``force``
 
 
-class MotionSeen(
-    Part,
-    frozen=True,
-    rename={"step": "step_mm", "rms": "rms_mm", "largest": "largest_mm", "at": "at_s"},
-):
+class MotionSeen(Part, frozen=True, rename=_KEYS):
     """Deviation of the fitted motion from the readings of displacement."""
 
     step: float  # of the encoder, 0 where none shows
@@ -45,11 +45,7 @@ class MotionSeen(
     departure: str | None  # in words, where that is more than scatter and resolution explain
 
 
-class ContactSeen(
-    Part,
-    frozen=True,
-    rename={"position": "place_mm", "sd": "sd_mm", "force": "force_N", "force_sd": "force_sd_N"},
-):
+class ContactSeen(Part, frozen=True, rename=_KEYS):
     """Displacement where the force begins to rise, from the file's zero; force: before it."""
 
     position: float
@@ -58,21 +54,7 @@ class ContactSeen(
     force_sd: float
 
 
-class TestSeen(
-    Part,
-    frozen=True,
-    rename={
-        "duration": "duration_s",
-        "interval": "interval_s",
-        "clock_sd": "clock_sd_s",
-        "start": "start_s",
-        "rate": "rate_mm_s",
-        "reached": "reached_mm_s",
-        "depth": "depth_mm",
-        "peak": "peak_N",
-        "at_rest": "at_rest_N",
-    },
-):
+class TestSeen(Part, frozen=True, rename=_KEYS):
     """A test: its sampling, its phases and its readings."""
 
     __test__ = False  # not one of pytest's
@@ -102,11 +84,7 @@ class TestSeen(
     left_out: int  # how many readings
 
 
-class NoiseSeen(
-    Part,
-    frozen=True,
-    rename={"total": "total_N", "white": "white_N", "correlated": "correlated_N", "tau": "tau_s"},
-):
+class NoiseSeen(Part, frozen=True, rename=_KEYS):
     """Noise of the force at rest: sd of a reading, its white and its correlated part."""
 
     total: float
