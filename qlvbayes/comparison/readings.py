@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from qlvbayes.comparison.settings import ReadingSettings
+from qlvbayes.inference.forward.forces import Forces
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.laws.motion import Motion
 from qlvbayes.model.model import Model
+from qlvbayes.motion.record import Blocks, Record, held
 
 RAMP_POINTS = 129
 HOLD_POINTS = 193
@@ -26,8 +26,7 @@ CYCLES, REST_CYCLES = 3, 1
 PIECES = 96  # of a cycle
 AMPLITUDE = 0.01  # of a small oscillation, over the depth
 
-POINTS = RAMP_POINTS + HOLD_POINTS + 2 * (CYCLES + REST_CYCLES) * PIECES + 1
-BURST = slice(RAMP_POINTS + HOLD_POINTS, POINTS)
+BURST = slice(RAMP_POINTS + HOLD_POINTS, None)
 _INSTANT = 1e-6  # s, in which a step is made
 
 
@@ -38,12 +37,6 @@ class Course:
     time: np.ndarray
     depth: np.ndarray
     velocity: np.ndarray
-
-    def filled(self) -> Course:
-        """Return the motion padded to `POINTS` points at rest, which have no effect."""
-        missing = POINTS - self.time.size
-        time, depth = (np.pad(x, (0, missing), "edge") for x in (self.time, self.depth))
-        return Course(time, depth, np.append(self.velocity, np.zeros(missing)))
 
 
 def step_hold(depth: float, duration: float) -> Course:
@@ -113,7 +106,7 @@ def joined(parts: Sequence[Course]) -> Course:
 
 
 _CLOSE = 1e-4  # of the depth, between the forces whose slope is the stiffness
-_BATCH = 256
+_ENGINE = Forces()
 
 
 @dataclass(frozen=True)
@@ -200,22 +193,14 @@ def read(models: Model, settings: ReadingSettings) -> np.ndarray:
 
 def forces(models: Model, course: Course) -> np.ndarray:
     """Return the force (n, N) of each model at the points of a motion."""
-    full = course.filled()
-    rest = np.zeros(POINTS)
-    motion = Motion(*map(jnp.asarray, (full.time, full.depth, full.velocity, rest)))
     count = len(jax.tree.leaves(models)[0])
-    parts = []
-    for start in range(0, count, _BATCH):
-        # the last batch is filled up, so that one compiled function serves any number
-        rows = np.minimum(np.arange(start, start + _BATCH), count - 1)
-        some = jax.tree.map(lambda x, rows=rows: x[rows], models)
-        parts.append(np.asarray(_forces(some, motion)))
-    return np.concatenate(parts)[:count, : course.time.size]
-
-
-@jax.jit
-def _forces(models: Model, motion: Motion) -> Array:
-    return jax.vmap(lambda model: model.force(motion))(models)
+    sets = jax.tree.map(lambda leaf: np.moveaxis(np.asarray(leaf), 0, -1), models)
+    still, time = np.zeros(course.time.size), course.time
+    motion = Motion(*map(held, (time, course.depth, course.velocity, still)))
+    nodes = held(np.stack(2 * [np.arange(time.size)], axis=-1))  # each block is one point
+    alone = Record(motion, nodes, Blocks.of_means(still, still + 1.0, time, time))
+    record = jax.tree.map(lambda leaf: np.asarray(leaf)[None], alone)
+    return _ENGINE.over(sets, count, record)[:, 0]
 
 
 def _stiffness(

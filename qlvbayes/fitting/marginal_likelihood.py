@@ -34,7 +34,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp, softmax
 
 from qlvbayes.effects.contacts import ContactOffset
-from qlvbayes.inference.density import Point, Terms, gauss_newton, positive_part
+from qlvbayes.inference.density import Point, positive_part
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED
 from qlvbayes.inference.errors.separation import Separation
@@ -264,11 +264,7 @@ class Spread:
     """The covariance of theta about the curve that follows the data, due to a discrepancy."""
 
     discrepancy: Discrepancy  # of the fitted block means
-    vectors: Array  # (1 + D, n): whitened residual, and derivatives of the force
-    separation: Separation  # from what these can follow
-    prior: Terms  # expansion of minus the log prior density
-
-    lengths: Array  # (D,): natural lengths of theta
+    point: Point  # the fit, separated from what its derivatives of the force can follow
 
     @classmethod
     def about(cls, discrepancy: Discrepancy, point: Point) -> Spread:
@@ -280,26 +276,25 @@ class Spread:
             point.responses, point.own.length, lambda: point.predicted[None]
         )
         _, scatter = discrepancy.likeliest(point.residual, 0.0, separation)
-        separation = separation.with_scatter(scatter)
-        return cls(discrepancy, point.vectors, separation, point.prior, point.own.length)
+        return cls(discrepancy, replace(point, separation=separation.with_scatter(scatter)))
 
     @property
     def scatter(self) -> float:
         """Relative sd of the stiffness from test to test."""
-        return max(self.separation.scatter.sizes, default=0.0)
+        return max(self.point.separation.scatter.sizes, default=0.0)
 
     def covariance(self, size: float) -> Array:
         """Return the covariance (D, D) that a discrepancy of a size (N) and the scatter add."""
-        separated = self.discrepancy.at(size, self.separation)
-        precision = gauss_newton(separated, self.vectors, self.prior).curvature
-        known: Array = np.asarray(np.linalg.inv(precision + np.diag(self.lengths**-2.0)), float)
-        whole = self.discrepancy.unseparated(size, self.separation)
-        free = gauss_newton(whole, self.vectors, self.prior)
-        return positive_part(second_moment(free, self.lengths) - known)
+        point, whole = self.point, self.discrepancy.at(size)
+        lengths = point.own.length
+        precision = point.terms(point.separation.at(whole)).curvature
+        known: Array = np.asarray(np.linalg.inv(precision + np.diag(lengths**-2.0)), float)
+        free = point.terms(point.separation.unseparated(whole))
+        return positive_part(second_moment(free, lengths) - known)
 
     def draws(self, sizes: Array, rng: np.random.Generator) -> Array:
         """Return moves (W, D) of theta for discrepancies of sizes (W,) in N; 0 for nothing."""
-        moves = np.zeros((sizes.size, len(self.vectors) - 1))
+        moves = np.zeros((sizes.size, self.point.theta.size))
         for size in np.unique(sizes if self.scatter > 0.0 else sizes[sizes > 0.0]).tolist():
             values, axes = np.linalg.eigh(self.covariance(size))
             same = sizes == size

@@ -2,7 +2,8 @@
 
 The modes of the diagnosis (`qlvbayes.inference.modes`) are found from several draws of the priors.
 There the discrepancy is separated from what the derivatives of the force can follow, so that the
-curve follows the data. The highest of them is then refined under the likelihood that is sampled.
+curve follows the data. The highest of them is then located closely: what a discrepancy may have
+moved the constants by depends on where it lies.
 """
 
 from __future__ import annotations
@@ -21,19 +22,11 @@ from qlvbayes.fitting.marginal_likelihood import (
     with_zero_errors,
 )
 from qlvbayes.fitting.posterior import Posterior, Predictor
-from qlvbayes.inference.density import Density, Point, Terms
+from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.scatter import UNDECIDED
 from qlvbayes.inference.errors.whitening import Whitener
-from qlvbayes.inference.modes import (
-    Mode,
-    bounded_step,
-    find_mode,
-    modes,
-    predicted_decrease,
-    redrawn_modes,
-)
-from qlvbayes.io.arrays import Array
+from qlvbayes.inference.modes import Mode, find_mode, modes, redrawn_modes
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
@@ -42,9 +35,7 @@ from qlvbayes.motion.experiment import Experiment, Trial
 
 _STARTS = 8  # draws of the priors, those nearest to the data, from which modes are looked for
 _REDRAWN = 6  # draws of the relaxation in a row that lead no higher, after which the search ends
-_STEPS = 50  # of the refinement
-_CLOSE = 1e-9  # predicted rise of the log density of a step at which it ends
-_HALVINGS = 30
+_CLOSE = 1e-6  # predicted rise of the log density of a step at which the mode is located
 
 Tests = tuple[Trial, ...]
 
@@ -87,18 +78,17 @@ def find_start(experiment: Experiment, choices: Choices, trials: Tests, seed: in
         model = own.model_at(mode.point.constants)
         predictor = predictor.over(with_zero_errors(predictor.record, trials, model))
         density = _density(experiment, predictor, trials)
-        mode = find_mode(density, predictor.hypothesis, mode.point.theta) or mode
-    blocks = predictor.record.blocks
+    mode = find_mode(density, predictor.hypothesis, mode.point.theta, min_gain=_CLOSE) or mode
+    point, blocks = mode.point, predictor.record.blocks
     if isinstance(noise, Floor):
-        separation = density.discrepancy.separated(mode.point.responses, own.length)
+        separation = density.discrepancy.separated(point.responses, own.length)
         likelihood = floor_likelihood(experiment, noise, density.discrepancy, separation)
     else:
         assert isinstance(noise, White)
-        residual = np.asarray(blocks.force) - mode.point.predicted
+        residual = np.asarray(blocks.force) - point.predicted
         likelihood = white_likelihood(noise, blocks, experiment.scales.noise, residual)
     posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
-    point, curvature = _refined(posterior, density, mode.point)
-    normal = NormalApproximation(point.theta, covariance_from(curvature, own.length))
+    normal = NormalApproximation(point.theta, covariance_from(mode.curvature, own.length))
     if not isinstance(noise, Floor):
         return Start(posterior, normal, None)
     discrepancy = density.discrepancy
@@ -130,42 +120,3 @@ def _highest(density: Density, predictor: Predictor, seed: int) -> Mode:
     if not found:
         raise NoFiniteForceError
     return redrawn_modes(density, hypothesis, found, seed, _REDRAWN)[0]
-
-
-def _refined(posterior: Posterior, density: Density, point: Point) -> tuple[Point, Array]:
-    """Return the mode of the likelihood that is sampled, and the curvature (D, D) there.
-
-    Given the probabilities of scale and size the density is normal to the first order, so that
-    each step is one of Gauss and Newton (expectation maximisation over scale and size).
-    """
-    height = float(posterior.log_density(point.theta[None])[0])
-    for _ in range(_STEPS):
-        terms = _expanded(posterior, point)
-        step = bounded_step(terms, 0.0, point)
-        if predicted_decrease(terms, step) < _CLOSE:
-            break
-        for _ in range(_HALVINGS):
-            theta = point.own.within(point.theta + step)
-            reached = float(posterior.log_density(theta[None])[0])
-            if reached > height:
-                break
-            step = 0.5 * step
-        else:
-            break
-        moved = density.at(posterior.hypothesis, theta)
-        if moved is None:
-            break
-        point, height = moved, reached
-    return point, _expanded(posterior, point).curvature
-
-
-def _expanded(posterior: Posterior, point: Point) -> Terms:
-    """Return the expansion of minus the log density, with probabilities of the choices as here."""
-    likelihood = posterior.likelihood
-    residual = np.asarray(posterior.record.blocks.force) - point.predicted
-    (white,), slopes = likelihood.white(residual[None]), likelihood.white(point.responses)
-    logs = likelihood.log_choices(white[None])[0]
-    shares = np.exp(logs - logs.max())
-    weighted = slopes * ((shares / shares.sum()) @ likelihood.precisions)
-    gradient = point.prior.gradient - weighted @ white
-    return Terms(0.0, gradient, point.prior.curvature + weighted @ slopes.T)

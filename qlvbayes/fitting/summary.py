@@ -1,4 +1,7 @@
-"""Summarise fits in numbers: ``summary.json``, and the constants of all pads as CSV and LaTeX."""
+"""Summarise fits in numbers: ``summary.json``, and the constants of all pads as CSV and LaTeX.
+
+Constants that a prior pulls are told.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +10,26 @@ import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, log
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtri
 
 from qlvbayes.fitting.ensemble import Diagnostics, Settings, highest_density
 from qlvbayes.io.arrays import finite_or_none
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import Part, Result, write_whole
 from qlvbayes.io.units import PAD, UnitSystem
-from qlvbayes.io.wording import as_cells, tex, with_ends
+from qlvbayes.io.wording import as_cells, as_typed, plain, tex, with_ends
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import lasting_share
+from qlvbayes.model.overrides import parse_prior
+from qlvbayes.priors import AbstractPrior, HalfNormal, LogNormal, LogUniform, Normal, Uniform
 
 _COLUMNS = ["pad", "parameter", "value", "unit"]
 _HEADS = "pad,parameter,unit,median,low90,high90,reference"
+_FAR = 2.5  # sds of a normal prior: in 1.2 % of pads an estimate lies further out if it is right
 _INDEXED = re.compile(r"([a-z])\[(\d+)\]")
 
 
@@ -251,3 +258,57 @@ def _cells(entry: Entry | None, with_reference: bool) -> list[str]:
     if with_reference:
         cells.append("--" if entry.reference is None else f"{entry.reference:g}")
     return cells
+
+
+def pulled(summary: FitSummary, priors: dict[str, str]) -> tuple[str, ...]:
+    r"""Return a sentence on each constant whose posterior median lies far out of its prior.
+
+    The median x lies z scales out, where :math:`\Phi(z)` is the prior's probability below x; of a
+    half-normal prior, z = x/sd. ``priors`` are those of ``posterior.nc``, as on the command line.
+    """
+    texts = {
+        name if name in summary.parameters else f"{name}[{k}]": one
+        for name, text in priors.items()
+        for k, one in enumerate(text.split(" > "), 1)  # rates fall: v[1] > v[2]
+    }
+    found = []
+    for name, text in texts.items():
+        constant = summary.parameters.get(name)
+        try:
+            prior = parse_prior(text)
+        except InputError:  # fixed, not sampled, or a user's own
+            continue
+        if constant is None or constant.fixed:
+            continue
+        out, wider = _scales_out(prior, constant.median)
+        if abs(out) > _FAR:
+            found.append(
+                f"{name}: the estimate lies {plain(abs(out), 2)} prior scales out, and the prior "
+                f"{text} pulls it {'down' if out > 0.0 else 'up'}; a wider one: "
+                f"{as_typed('--prior', f'{name}={wider}')}"
+            )
+    return tuple(found)
+
+
+def _scales_out(prior: AbstractPrior, value: float) -> tuple[float, str]:
+    """Return how many scales a value lies out of its prior, and a prior in which it lies one out.
+
+    Bounds become wider by their distance, or tenfold where the prior is of a logarithm.
+    """
+    match prior:
+        case HalfNormal(sd=sd):
+            return value / sd, f"halfnormal({plain(value, 2)})"
+        case Normal(mean=mean, sd=sd):
+            return (value - mean) / sd, f"normal({mean:g},{plain(abs(value - mean), 2)})"
+        case LogNormal(log_median=middle, log_sd=sd):
+            off = log(value) - middle
+            return off / sd, f"lognormal({middle:g},{plain(abs(off), 2)})"
+        case Uniform(low=low, high=high):
+            reach, below = high - low, (value - low) / (high - low)
+            lower = max(low - reach, min(low, 0.0)) if below < 0.5 else low
+            return ndtri(below), f"uniform({lower:g},{high + reach * (below > 0.5):g})"
+        case LogUniform(low=low, high=high):
+            below = log(value / low) / log(high / low)
+            ends = (low / 10.0, high) if below < 0.5 else (low, 10.0 * high)
+            return ndtri(below), "loguniform({:g},{:g})".format(*ends)
+    return 0.0, ""

@@ -94,7 +94,7 @@ def _discrepancy_moment(density: Density, point: Point, weights: Array) -> Array
     size = math.sqrt(float(weights @ density.discrepancy.sizes**2))
     if size == 0.0 and not any(point.separation.scatter.sizes):
         return np.zeros((point.theta.size, point.theta.size))
-    whole = density.discrepancy.unseparated(size, point.separation)
+    whole = point.separation.unseparated(density.discrepancy.at(size))
     return second_moment(point.terms(whole), point.own.length)
 
 

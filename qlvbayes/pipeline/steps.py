@@ -25,11 +25,10 @@ from qlvbayes.diagnosis.summary.curves import discrepancy
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
 from qlvbayes.fitting.ensemble import Progress, Settings, remove_chain
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise, to_arviz
-from qlvbayes.fitting.prior_pull import pulled
 from qlvbayes.fitting.relaxation import relaxation_report
 from qlvbayes.fitting.residuals import CheckResult, check_pad, curves
 from qlvbayes.fitting.results import load, save
-from qlvbayes.fitting.summary import FitSummary
+from qlvbayes.fitting.summary import FitSummary, pulled
 from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import DESCRIBED, results_folder, write_json, write_whole
 from qlvbayes.io.wording import plain

@@ -13,10 +13,9 @@ import numpy as np
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import diagnose_chain
-from qlvbayes.fitting.prior_pull import pulled
 from qlvbayes.fitting.residuals import CheckResult, Curves
 from qlvbayes.fitting.results import Run, RunLog, load
-from qlvbayes.fitting.summary import Constant, FitSummary, constant_of, lasting_of
+from qlvbayes.fitting.summary import Constant, FitSummary, constant_of, lasting_of, pulled
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.files import Result
 from qlvbayes.io.wording import as_typed, pad_title

@@ -53,7 +53,6 @@ def chain(uninformed, start):
 
 
 def prior_quantiles(rates, name, shares):
-    """Return quantiles of the prior."""
     if name == "m":
         return np.exp(norm.ppf(shares, 0.0, 0.5))
     if name == "b":
@@ -105,27 +104,27 @@ class Killed(BaseException):
     """Exception that ends a run in the middle."""
 
 
-def stop_at(step):
-    def progress(done, expected):
-        if done >= step:
-            raise Killed
+def sample_killed(steps, posterior, start, settings, store):
+    """Sample a chain that is killed once at each of some steps, and goes on."""
+    for step in steps:
 
-    return progress
+        def progress(done, expected, step=step):
+            if done >= step:
+                raise Killed
+
+        with pytest.raises(Killed):
+            sample(posterior, start, settings, store, progress)
+    return sample(posterior, start, settings, store)
 
 
 def test_a_killed_chain_resumes_bitwise(uninformed, start, tmp_path):
-    """Stopped before some stretches in turn, the chain is that of one run."""
     settings = replace(STEPS, max_steps=120)
     chain = sample(uninformed, start, settings)
     store = ChainStore(tmp_path / "chain", key_of(uninformed, settings))
-    for step in (20, 60):
-        with pytest.raises(Killed):
-            sample(uninformed, start, settings, store, stop_at(step))
-    resumed = sample(uninformed, start, settings, store)
+    resumed = sample_killed((20, 60), uninformed, start, settings, store)
     np.testing.assert_array_equal(resumed.theta, chain.theta)
     np.testing.assert_array_equal(resumed.log_density, chain.log_density)
-    assert resumed.steps == chain.steps
-    assert resumed.acceptance == chain.acceptance
+    assert (resumed.steps, resumed.acceptance) == (chain.steps, chain.acceptance)
 
 
 @pytest.mark.slow
@@ -142,36 +141,33 @@ def test_a_resumed_chain_is_not_looked_at_more_often(uninformed, start, tmp_path
     sample(uninformed, start, settings)
     uninterrupted, looks[:] = list(looks), []
     store = ChainStore(tmp_path / "chain", key_of(uninformed, settings))
-    for step in (620, 740, 900, 1180):
-        with pytest.raises(Killed):
-            sample(uninformed, start, settings, store, stop_at(step))
-    sample(uninformed, start, settings, store)
+    sample_killed((620, 740, 900, 1180), uninformed, start, settings, store)
     assert sorted(set(looks)) == sorted(set(uninterrupted))
 
 
-def test_a_damaged_stretch_is_sampled_again(uninformed, start, tmp_path):
-    settings = replace(STEPS, max_steps=60)
-    store = ChainStore(tmp_path, key_of(uninformed, settings))
+def test_a_damaged_stretch_is_sampled_again_and_another_runs_chain_not_resumed(
+    uninformed, start, tmp_path
+):
+    settings, folder = replace(STEPS, max_steps=60), tmp_path / "chain"
+    store = ChainStore(folder, key_of(uninformed, settings))
     whole = sample(uninformed, start, settings, store)
-    last = tmp_path / "stretch-00002.npz"
-    for content in (b"", b"PK\x03\x04", last.read_bytes()[:-500], b"text"):
+    last = folder / "stretch-00002.npz"
+    for content in (b"", last.read_bytes()[:-500], b"text"):
         last.write_bytes(content)
         assert len(list(store.load())) == 2
         np.testing.assert_array_equal(sample(uninformed, start, settings, store).theta, whole.theta)
-
-
-def test_a_chain_of_another_run_is_not_resumed(uninformed, start, tmp_path):
-    settings = replace(STEPS, max_steps=60)
-    sample(uninformed, start, settings, ChainStore(tmp_path, key_of(uninformed, settings)))
     other = replace(settings, seed=9)
-    store = ChainStore(tmp_path, key_of(uninformed, other))
+    store = ChainStore(folder, key_of(uninformed, other))
     assert list(store.load()) == []
     stored = sample(uninformed, start, other, store)
     np.testing.assert_array_equal(stored.theta, sample(uninformed, start, other).theta)
     assert len(list(store.load())) == 3
-    remove_chain(tmp_path)
-    assert not tmp_path.exists()
-    remove_chain(tmp_path)
+    remove_chain(folder)
+    assert not folder.exists()
+    remove_chain(folder)
+    folder.write_text("in the way")
+    with pytest.raises(OSError, match="chain"):
+        sample(uninformed, start, settings, ChainStore(folder / "deeper", "key"))
 
 
 def test_a_chains_key_knows_all_that_it_depends_on():
@@ -188,13 +184,6 @@ def test_a_chains_key_knows_all_that_it_depends_on():
     ]  # fmt: skip
     assert len(set(keys)) == len(keys)
     assert keys[0] == key()
-
-
-def test_an_unwritable_chain_is_an_error_that_names_it(uninformed, start, tmp_path):
-    (tmp_path / "chain").write_text("in the way")
-    store = ChainStore(tmp_path / "chain" / "deeper", "key")
-    with pytest.raises(OSError, match="chain"):
-        sample(uninformed, start, replace(STEPS, max_steps=20), store)
 
 
 def test_a_proposals_density_is_that_of_a_t_mixture():

@@ -13,7 +13,6 @@ from support.endtoend import SHORT, experiment, fitted
 from support.hidden_pads import hidden_pad
 
 from qlvbayes.fitting.fit import fit_pad
-from qlvbayes.fitting.least_squares import least_squares
 from qlvbayes.fitting.marginal_likelihood import (
     Spread,
     discrepancy_of,
@@ -23,7 +22,7 @@ from qlvbayes.fitting.marginal_likelihood import (
 from qlvbayes.fitting.optimum import find_start, predictor_of
 from qlvbayes.fitting.posterior import Posterior
 from qlvbayes.fitting.prediction import Contacts, errors_given_fit
-from qlvbayes.inference.density import Terms
+from qlvbayes.inference.density import Point, Terms
 from qlvbayes.inference.errors.discrepancy import TOLERANCE, Discrepancy
 from qlvbayes.inference.errors.features import UNDECIDED, Features, Locations
 from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER
@@ -33,7 +32,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import White
 from qlvbayes.priors import LogNormal
 from qlvbayes.simulate import TABLE_1
-from qlvbayes.simulate.hidden import SqueezeFilm, ViscousDrag
+from qlvbayes.simulate.hidden import ViscousDrag
 
 FACTOR, SIZE = -2, -1  # places of these in the noise's constants
 CONSTANTS = np.array([TABLE_1["B"].m, TABLE_1["B"].b, *TABLE_1["B"].c, *TABLE_1["B"].v])
@@ -92,7 +91,7 @@ def residuals(seed, sd=0.02):
     return found, found[real]
 
 
-@pytest.mark.parametrize(("size", "factor"), [(0.0, 0.8), (1e-3, 1.5), (0.02, 1.0), (0.5, 0.8)])
+@pytest.mark.parametrize(("size", "factor"), [(0.0, 0.8), (0.02, 1.5)])
 def test_each_size_is_a_normal_density_of_all_tests_together(size, factor):
     own = likelihood(f"noise.remainder={size}", f"noise.factor={factor}")
     noise, discrepancy = dense()
@@ -324,10 +323,8 @@ def point(made, slopes, residual, prior, predicted=None):
     """Return a fit of these derivatives (D, T, B) and residuals (T, B)."""
     vectors = made.whitener(np.concatenate([residual[None], slopes]))
     own = SimpleNamespace(length=np.ones(len(slopes)))
-    return SimpleNamespace(
-        responses=slopes, own=own, residual=vectors[0], vectors=vectors, prior=prior,
-        predicted=predicted,
-    )  # fmt: skip
+    theta, white = np.zeros(len(slopes)), (vectors[0], vectors[1:])
+    return Point(own, theta, None, None, predicted, slopes, *white, prior, None)
 
 
 def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():
@@ -381,20 +378,6 @@ def test_constants_are_moved_by_a_stiffness_that_differs_from_test_to_test():
     same = Spread.about(made, alike)
     assert same.scatter == 0.0
     assert not same.draws(np.zeros(5), np.random.default_rng(0)).any()
-
-
-def test_the_curve_follows_the_data_where_the_model_is_wrong():
-    """As least squares does, however large the discrepancy that is taken to be there."""
-    pad = hidden_pad(SqueezeFilm(eta=2e-3, h=2.3), rates=(20.0,))
-    predictor = predictor_of(pad, Choices(), pad.trials)
-    squares = least_squares(
-        predictor, np.ones(predictor.record.blocks.force.shape), np.random.default_rng(0)
-    )
-    thetas = squares.thetas[0], find_start(pad, Choices(), pad.trials).normal.mean
-    left = predictor.residuals(predictor.parameters.constants(np.stack(thetas)))
-    least, found = np.sqrt(np.mean(left[:, predictor.space.real] ** 2, axis=1))
-    assert least > 2.0 * pad.floor.total  # the model is wrong
-    assert found < 1.05 * least
 
 
 @pytest.mark.slow

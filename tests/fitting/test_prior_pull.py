@@ -5,8 +5,7 @@ import shlex
 
 import pytest
 
-from qlvbayes.fitting.prior_pull import pulled
-from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.fitting.summary import Constant, FitSummary, pulled
 from qlvbayes.laws.scales import Scales
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.parameters import described, fields_of

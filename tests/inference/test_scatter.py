@@ -52,7 +52,7 @@ def test_the_covariance_is_that_of_dense_matrices(size, scatter):
     dense = (
         noise + project @ (smooth + spread) @ project + found.rough * size**2 * np.eye(len(noise))
     )
-    np.testing.assert_allclose(noise + found.covariance(size, separation), dense, atol=1e-10)
+    np.testing.assert_allclose(noise + separation.covariance(size, found.rough), dense, atol=1e-10)
     vectors = rng.normal(size=(3, len(noise)))
     sized = found.at(size, separation)
     whitened = found.whitener.whiten(vectors)

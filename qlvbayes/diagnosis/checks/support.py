@@ -260,8 +260,8 @@ def log_densities(density: Density, candidate: Candidate) -> Array:
     whitener, point = density.whitener, candidate.point
     force = np.asarray(density.space.record.blocks.force)
     left = whitener.flattened((force - point.predicted)[None])[0]
-    covariance = whitener.covariance
-    covariance += density.discrepancy.covariance(candidate.mode.size, point.separation)
+    rough = density.discrepancy.rough
+    covariance = whitener.covariance + point.separation.covariance(candidate.mode.size, rough)
     root = cholesky(covariance, lower=True, check_finite=False)
     errors = solve_triangular(root, left, lower=True, check_finite=False)
     return np.asarray(-0.5 * errors**2 - np.log(np.diag(root)) - 0.5 * np.log(2.0 * np.pi))

@@ -115,11 +115,6 @@ class Discrepancy:
         """Return the whitened features (M, n)."""
         return self.whitener(self.features)
 
-    @cached_property
-    def block_features(self) -> Array:
-        """Return the features (M, n) at the blocks that count, not whitened."""
-        return self.whitener.flattened(self.features)
-
     def separated(
         self,
         responses: Array,
@@ -132,22 +127,14 @@ class Discrepancy:
         counted = responses if len(self.features) else responses[:0]
         if self.scatter is None:
             parts, scatter = None, NONE
-        smooth = self.block_features
+        smooth = self.whitener.flattened(self.features)
         own = self.whitener, smooth, counted, lengths[: len(counted)], parts
         return Separation(*own, scatter, errors)
-
-    def covariance(self, size: float, separation: Separation) -> Array:
-        """Return the covariance (n, n) that a separated discrepancy of a size (N) adds (N^2)."""
-        return separation.covariance(size, self.rough)
 
     def at(self, size: float, separation: Separation | None = None) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N), separated if a separation is given."""
         whole = self._at(size)
         return whole if separation is None else separation.at(whole)
-
-    def unseparated(self, size: float, separation: Separation) -> DiscrepancyOfSize:
-        """Return the discrepancy at a size (N) and the scatter, neither of them separated."""
-        return separation.unseparated(self._at(size))
 
     def _at(self, size: float) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N), not separated."""
