@@ -106,12 +106,6 @@ def test_of_every_relaxation(space, relaxation):
     check(space, "linear", relaxation)
 
 
-@pytest.mark.parametrize("effect", [kind.name for kind in EVERY])
-@pytest.mark.few(4)  # tests/effects/test_on_numpy.py has every one
-def test_of_every_effect(space, effect):
-    check(space, effects=[effect])
-
-
 @pytest.mark.parametrize("effects", PAIRS, ids="+".join)
 @pytest.mark.few(3)
 def test_of_pairs(space, effects):

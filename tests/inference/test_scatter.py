@@ -16,10 +16,10 @@ PRIOR = UNDECIDED
 def made(seed, features=6):
     """A discrepancy of a few features, derivatives of the force, and two parts of the force."""
     rng = np.random.default_rng(seed)
-    noise = [np.diag(rng.uniform(0.5, 2.0, BLOCKS)) for _ in range(TESTS)]
-    real = np.ones(BLOCKS, dtype=bool)
-    timing = tuple(np.zeros(BLOCKS) for _ in range(TESTS))
-    whitener = Whitener((real,) * TESTS, tuple(noise), timing)
+    timing = tuple(rng.uniform(0.0, 1.0, BLOCKS) * (rng.random(BLOCKS) < 0.3) for _ in range(TESTS))
+    gap = np.abs(np.subtract.outer(np.arange(BLOCKS), np.arange(BLOCKS)))
+    noise = [k * np.exp(-gap / 3.0) + np.diag(0.5 + part) for k, part in enumerate(timing)]
+    whitener = Whitener((np.ones(BLOCKS, dtype=bool),) * TESTS, tuple(noise), timing)
     found = Discrepancy.from_features(
         rng.normal(size=(features, TESTS, BLOCKS)), whitener, 10.0, 0.01, scatter=PRIOR
     )
@@ -37,21 +37,25 @@ def test_parts_of_the_force_add_up_to_it():
     assert np.count_nonzero(np.any(rows != 0.0, axis=2), axis=1).tolist() == [1] * 3 * TESTS
 
 
-@pytest.mark.parametrize(("size", "scatter"), [(0.0, (0.2, 0.0)), (0.3, (0.1, 0.3))])
+@pytest.mark.parametrize(
+    ("size", "scatter"), [(0.0, (0.2, 0.0)), (0.3, (0.1, 0.3)), (2.0, (0.0, 0.0))]
+)
 def test_the_covariance_is_that_of_dense_matrices(size, scatter):
-    """Against D + (1 - P)(s^2 K + V S V)(1 - P), with all matrices written out."""
+    """Against D + (1 - P)(s^2 K + V S V + T)(1 - P) + P T P, with all matrices written out."""
     found, responses, parts, rng = made(3)
     cost = 1.7
     separation = found.separated(responses, np.ones(FREE), lambda: parts, Scatter(scatter, cost))
     flat = found.whitener.flattened
-    noise = np.diag(np.concatenate([np.diag(one) for one in found.whitener.covariances]))
+    noise = found.whitener.covariance
     slopes, features, rows = flat(responses), flat(found.features), flat(by_test(parts))
     project = np.eye(noise.shape[0]) - slopes.T @ np.linalg.solve(slopes @ slopes.T, slopes)
     spread = rows.T @ np.diag(np.repeat(np.square(scatter), TESTS)) @ rows
     smooth = size**2 * features.T @ features
-    dense = (
-        noise + project @ (smooth + spread) @ project + found.rough * size**2 * np.eye(len(noise))
-    )
+    dense = noise + project @ (smooth + spread) @ project
+    dense += found.rough * size**2 * np.eye(len(noise))
+    if size > 0.0:
+        timing, along = np.diag(np.concatenate(found.whitener.timing)), np.eye(len(noise)) - project
+        dense += project @ timing @ project + along @ timing @ along - timing
     np.testing.assert_allclose(noise + separation.covariance(size, found.rough), dense, atol=1e-10)
     vectors = rng.normal(size=(3, len(noise)))
     sized = found.at(size, separation)
