@@ -310,7 +310,8 @@ class Search:
     def _modes_from_priors(self, hypothesis: Hypothesis) -> list[Mode]:
         """Return the modes that draws of all its priors lead to."""
         count, draws = self.breadth.starts, self.breadth.draws
-        return base_modes(self.density, hypothesis, self.seed, count, draws)
+        starts = self.density.space.prior_draws(hypothesis, self.seed)[:count]
+        return base_modes(self.density, hypothesis, starts, self.seed, draws)
 
     def _evaluate_all(self, base: Hypothesis, some: Sequence[Hypothesis]) -> None:
         """Find modes of hypotheses in parallel, from those of one that was evaluated."""

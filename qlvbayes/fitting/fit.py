@@ -70,11 +70,11 @@ class Fit:
     pad, method, choices, settings: Name of the pad, method, model, and settings of the sampler;
     least squares use its seed alone; experiment, trials: Tests of the pad, and those that were
     fitted; posterior: Posterior of these trials; theta: Draws (chains, draws, D) of the free
-    parameters, thinned; constants: Draws (chains, draws, P) of the constants that ``names`` lists,
-    thinned, moved by what a discrepancy may have moved them by; every: The same before thinning
-    (chains, steps, P), from which means are computed; chain: Constants (chains, steps, P) as they
-    were sampled, where the curve follows the data. Diagnostics are computed from these; enough:
-    Whether the sampling suffices; facts: Figures of the sampling, by name.
+    parameters, thinned; every: Draws (chains, steps, P) of the constants that ``names`` lists,
+    moved by what a discrepancy may have moved them by, from which means are computed; chain:
+    Constants (chains, steps, P) as they were sampled, where the curve follows the data.
+    Diagnostics are computed from these; enough: Whether the sampling suffices; facts: Figures of
+    the sampling, by name.
     """
 
     pad: str
@@ -85,7 +85,6 @@ class Fit:
     trials: tuple[Trial, ...]
     posterior: Posterior
     theta: np.ndarray
-    constants: np.ndarray
     every: np.ndarray
     chain: np.ndarray
     enough: bool
@@ -100,6 +99,11 @@ class Fit:
     def units(self) -> list[str]:
         """Return the unit of each constant."""
         return [self.experiment.units.of(kind) for kind in unit_kinds(self.posterior)]
+
+    @property
+    def constants(self) -> np.ndarray:
+        """Return draws (chains, draws, P) of the constants, thinned."""
+        return self.every[:, :: int(self.facts.get("thinned_by", 1))]
 
     @property
     def draws(self) -> dict[str, np.ndarray]:
@@ -226,7 +230,7 @@ def _sampled(
         "autocorrelation_steps": chain.autocorrelation, "acceptance": chain.acceptance,
         "steps": chain.steps, "kept_steps": steps, "walkers": walkers, "thinned_by": thin,
     }  # fmt: skip
-    draws = theta[:, ::thin], every[:, ::thin], every, constants
+    draws = theta[:, ::thin], every, constants
     return Fit(*setup, posterior, *draws, chain.enough, facts)
 
 
@@ -247,7 +251,7 @@ def _approximated(setup: _Setup, rng: np.random.Generator) -> Fit:
     posterior = Posterior(predictor.space, predictor.hypothesis, noise, likelihood)
     curves, every = _constants(posterior, theta, rng), _constants(posterior, moved, rng)
     facts = {"residual_sd": residual_sd, "starts_agreeing": result.agreeing}
-    return Fit(*setup, posterior, theta, every, every, curves, result.agreeing > 1, facts)
+    return Fit(*setup, posterior, theta, every, curves, result.agreeing > 1, facts)
 
 
 def _notices(fit: Fit) -> Iterator[str]:

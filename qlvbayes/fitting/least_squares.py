@@ -71,7 +71,7 @@ def least_squares(predictor: Predictor, scale: Array, rng: np.random.Generator) 
     centre, distance = draws.mean(axis=0), _BOUND_SDS * draws.std(axis=0)
     bounds = own.within(centre - distance), own.within(centre + distance)
     draws = np.clip(draws, *bounds)
-    sums = _sums_of_squares(predictor, scale, draws)
+    sums = sums_of_squares(predictor, scale, draws)
     order = [k for k in np.argsort(sums) if np.isfinite(sums[k])]
     with np.errstate(over="ignore"):  # a sum that overflows is the worst
         optima = [_descend(predictor, scale, draws[k], bounds) for k in order[:_STARTS]]
@@ -118,7 +118,7 @@ def _optimum(
     return NormalApproximation(theta, covariance), fits.agreeing
 
 
-def _sums_of_squares(predictor: Predictor, scale: Array, thetas: Array) -> Array:
+def sums_of_squares(predictor: Predictor, scale: Array, thetas: Array) -> Array:
     """Return the sums (K,) of squared residuals over ``scale`` at thetas (K, D)."""
     sums = []
     for k in range(0, len(thetas), _TOGETHER):
@@ -176,7 +176,7 @@ class LeastSquaresFit:
         slack = cost * mean.size / _freedom(self.predictor, self.scale, mean.size)
         for _ in range(_HALVINGS):
             expected = np.sum(((draws - mean) @ slopes.T) ** 2, axis=1)
-            sums = _sums_of_squares(self.predictor, self.scale, draws)
+            sums = sums_of_squares(self.predictor, self.scale, draws)
             far = ~(sums <= cost + slack + _LINEAR * expected)
             if not far.any():
                 break

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from qlvbayes.fitting.least_squares import NormalApproximation, covariance_from
+from qlvbayes.fitting.least_squares import NormalApproximation, covariance_from, sums_of_squares
 from qlvbayes.fitting.marginal_likelihood import (
     Spread,
     discrepancy_of,
@@ -26,7 +26,7 @@ from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.discrepancy import Discrepancy
 from qlvbayes.inference.errors.scatter import UNDECIDED
 from qlvbayes.inference.errors.whitening import Whitener
-from qlvbayes.inference.modes import Mode, find_mode, modes, redrawn_modes
+from qlvbayes.inference.modes import Mode, base_modes, find_mode
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
@@ -110,13 +110,11 @@ def _density(experiment: Experiment, predictor: Predictor, trials: Tests) -> Den
 
 def _highest(density: Density, predictor: Predictor, seed: int) -> Mode:
     """Return the highest mode that draws of the priors lead to."""
-    space, hypothesis = predictor.space, predictor.hypothesis
-    draws = predictor.parameters.within(space.prior_draws(hypothesis, seed))
-    with np.errstate(over="ignore"):
-        residuals = predictor.residuals(predictor.parameters.constants(draws))
-        squares = np.sum(residuals[:, space.real] ** 2, axis=1)
+    hypothesis, real = predictor.hypothesis, predictor.space.real
+    draws = predictor.parameters.within(predictor.space.prior_draws(hypothesis, seed))
+    squares = sums_of_squares(predictor, np.ones(real.shape), draws)
     order = [k for k in np.argsort(squares) if np.isfinite(squares[k])]
-    found = modes(density, hypothesis, draws[order[:_STARTS]])
+    found = base_modes(density, hypothesis, draws[order[:_STARTS]], seed, _REDRAWN)
     if not found:
         raise NoFiniteForceError
-    return redrawn_modes(density, hypothesis, found, seed, _REDRAWN)[0]
+    return found[0]

@@ -92,20 +92,12 @@ class Posterior(Predictor):
 
         They are minus infinity outside the parameters' bounds, and where the force is not finite.
         """
-        own = self.parameters
         logs = np.full(len(thetas), -np.inf)
-        inside = np.flatnonzero(np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1))
-        for rows in _parts(inside):
-            constants, priors = own.bound(thetas[rows])
-            residuals = self.residuals(constants)
-            sound = np.abs(residuals).max(axis=(1, 2)) < self._largest  # false for NaN
-            logs[rows[sound]] = priors[sound] + self.likelihood.log_likelihood(residuals[sound])
+        largest = LARGEST_FORCE * float(np.abs(self.record.blocks.force).max())
+        for rows in _parts(np.arange(len(thetas))):
+            kept, priors, left = self.space.residuals(self.hypothesis, thetas[rows], largest)
+            logs[rows[kept]] = priors + self.likelihood.log_likelihood(left)
         return np.where(np.isnan(logs), -np.inf, logs)
-
-    @cached_property
-    def _largest(self) -> float:
-        """Return the residual (N) from which the force is absurd."""
-        return LARGEST_FORCE * float(np.abs(self.record.blocks.force).max())
 
     def drawn_constants(self, thetas: Array, rng: np.random.Generator) -> Array:
         """Return constants (K, P) at thetas (K, D), those that are summed over drawn.

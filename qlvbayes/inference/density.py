@@ -193,17 +193,11 @@ class Density:
 
         They are minus infinity at sizes other than those of the indices ``sizes``, if given.
         """
-        inside = np.all((thetas >= parameters.lowest) & (thetas <= parameters.highest), axis=1)
         logs = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
-        if not inside.any():
-            return logs
-        constants, priors = parameters.bound(thetas[inside])
-        residuals = self._force - self.space.forces(parameters.hypothesis, constants)
-        largest = np.abs(residuals).max(axis=(1, 2))
-        sound = largest < LARGEST_FORCE * self.discrepancy.peak  # false for NaN
-        kept = np.flatnonzero(inside)[sound]
-        priors = priors[sound] + _log_noticeable(parameters, thetas[kept], tolerance)
-        white, nearest = self.whitener(residuals[sound]), _nearest(thetas[kept], modes)
+        largest = LARGEST_FORCE * self.discrepancy.peak
+        kept, priors, residuals = self.space.residuals(parameters.hypothesis, thetas, largest)
+        priors = priors + _log_noticeable(parameters, thetas[kept], tolerance)
+        white, nearest = self.whitener(residuals), _nearest(thetas[kept], modes)
         for k, point in enumerate(modes):
             nearest_k = nearest == k
             likelihood = self.discrepancy.log_likelihoods(white[nearest_k], point.separation, sizes)

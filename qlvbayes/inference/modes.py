@@ -192,11 +192,10 @@ def redrawn_modes(
 
 
 def base_modes(
-    density: Density, hypothesis: Hypothesis, seed: int, starts: int, more: int
+    density: Density, hypothesis: Hypothesis, starts: Iterable[Array], seed: int, more: int
 ) -> list[Mode]:
-    """Return modes of a hypothesis from draws of its priors, the highest first."""
-    draws = density.space.prior_draws(hypothesis, seed)
-    initial = modes(density, hypothesis, draws[:starts])
+    """Return modes from starts and from ``more`` draws of the relaxation at once, highest first."""
+    initial = modes(density, hypothesis, starts)
     return redrawn_modes(density, hypothesis, initial, seed, more) if initial else []
 
 

@@ -88,6 +88,23 @@ class Space:
         model = self._model(hypothesis, constants, self._fixed(record))
         return self._forces.over(model, len(constants), record)
 
+    def residuals(
+        self, hypothesis: Hypothesis, thetas: Array, largest: float
+    ) -> tuple[NDArray[np.intp], Array, Array]:
+        """Return indices (R,) of thetas (K, F) that have a density, log priors (R,) and residuals.
+
+        The others lie beyond the bounds, or give a force that is not finite or leaves more than
+        ``largest`` (N). The residuals (R, T, B) are measured minus predicted block means (N).
+        """
+        own = self.parameters(hypothesis)
+        inside = np.flatnonzero(np.all((thetas >= own.lowest) & (thetas <= own.highest), axis=1))
+        if not inside.size:
+            return inside, np.zeros(0), np.zeros((0, *self.real.shape))
+        constants, priors = own.bound(thetas[inside])
+        residuals = np.asarray(self.record.blocks.force) - self.forces(hypothesis, constants)
+        sound = np.abs(residuals).max(axis=(1, 2)) < largest  # false for NaN
+        return inside[sound], priors[sound], residuals[sound]
+
     def _fixed(self, record: Record) -> FixedRates:
         """Return the rates by which long spectra are represented over a record."""
         if id(record) not in self._rates:  # the record is kept too, so that its id stays unique
