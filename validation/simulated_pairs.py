@@ -9,8 +9,7 @@ import numpy as np
 from simulated_fits import MOST_STEPS, measured, true_values
 
 from qlvbayes import Choices, Comparison, Fit, Settings, compare
-from qlvbayes.comparison.readings import read, readings
-from qlvbayes.comparison.settings import choose
+from qlvbayes.comparison.readings import choose, read, readings
 from qlvbayes.comparison.side import side_of
 from qlvbayes.fitting.fit import fit_pad
 from qlvbayes.io.units import PAD

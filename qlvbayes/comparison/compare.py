@@ -17,8 +17,7 @@ from qlvbayes.comparison.contrast import (
     Interval,
     Omnibus,
 )
-from qlvbayes.comparison.readings import Reading, readings
-from qlvbayes.comparison.settings import ReadingSettings, choose
+from qlvbayes.comparison.readings import Reading, ReadingSettings, choose, readings
 from qlvbayes.comparison.side import (
     Side,
     Source,

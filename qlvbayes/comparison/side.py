@@ -10,8 +10,7 @@ from itertools import permutations
 import jax
 import numpy as np
 
-from qlvbayes.comparison.readings import Reading, read
-from qlvbayes.comparison.settings import ReadingSettings
+from qlvbayes.comparison.readings import Reading, ReadingSettings, read
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
 from qlvbayes.io.checks import InputError

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import log
 
 from qlvbayes.comparison.contrast import BY_CHANCE, Comparison, Contrast, with_interval, written
-from qlvbayes.comparison.readings import Reading
-from qlvbayes.comparison.settings import ReadingSettings
+from qlvbayes.comparison.readings import Reading, ReadingSettings
 from qlvbayes.comparison.side import Side, fixed_constants
 from qlvbayes.io.wording import plain
 

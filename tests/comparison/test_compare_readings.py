@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from qlvbayes.comparison.readings import read, readings
-from qlvbayes.comparison.settings import ReadingSettings, choose
+from qlvbayes.comparison.readings import ReadingSettings, choose, read, readings
 from qlvbayes.io.units import PAD, STRAIN
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.drawn import described_model, drawn_models, pad_alone

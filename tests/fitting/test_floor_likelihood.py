@@ -304,9 +304,7 @@ def test_constants_have_the_posterior_that_importance_sampling_finds():
     constants, priors = own.bound(theta)
     made = Discrepancy.from_blocks(experiment(), found.trials, posterior.record.blocks)
     white = made.whitener(posterior.residuals(constants))
-    sizes = range(made.sizes.size)
-    losses = np.array([[made.loss(row, k) for k in sizes] for row in white])
-    logs = logsumexp(-losses, axis=1) + priors - proposal.logpdf(theta)
+    logs = logsumexp(made.log_likelihoods(white), axis=1) + priors - proposal.logpdf(theta)
     weights = np.exp(logs - logsumexp(logs))
     worth = 1.0 / np.sum(weights**2)
     assert worth > 500
