@@ -118,8 +118,8 @@ def responses_of(experiment: Experiment, choices: Choices | None = None) -> Resp
 def _fitted(search: Search) -> tuple[Density, Mode, dict[str, float]]:
     """Return the density with scaled amplitudes, the best plain mode, and what each law adds."""
     plain = search.baseline
-    drawn = search.density.space.prior_draws(plain, search.seed)[:_STARTS]
-    drawn = base_modes(search.density, plain, drawn, search.seed, _STARTS)
+    draws = search.density.space.prior_draws(plain, search.seed)[:_STARTS]
+    drawn = base_modes(search.density, plain, draws, search.seed, _STARTS)
     if not drawn:
         raise NoFiniteForceError
     density = scale_amplitudes(
