@@ -4,6 +4,8 @@ The force comes from differential equations solved by a stiff integrator, so tha
 in the fast model cannot hide in its own data.
 """
 
+import inspect
+
 from .constants import (
     SPECIMENS,
     TABLE_1,
@@ -23,7 +25,7 @@ from .hidden import (
     effect_class,
     parse_effect,
 )
-from .material import Material, Pad, elastic_force
+from .material import Material, Pad
 from .platen import (
     PAPER_ACCELERATION,
     PAPER_RATES,
@@ -48,51 +50,7 @@ from .rig import (
 from .sensors import ENCODER_STEP, NOISES, Noise, encode, thin
 
 __all__ = [
-    "ENCODER_STEP",
-    "HIDDEN",
-    "NOISES",
-    "PAPER_ACCELERATION",
-    "PAPER_RATES",
-    "PROTOCOLS",
-    "SAMPLE_RATE",
-    "SPECIMENS",
-    "TABLE_1",
-    "Constants",
-    "Effect",
-    "HiddenPad",
-    "Hold",
-    "Load",
-    "Material",
-    "Move",
-    "Noise",
-    "Pad",
-    "Platen",
-    "Record",
-    "SimulatedTest",
-    "Step",
-    "creep_protocol",
-    "creep_study",
-    "displacement_under",
-    "draw_constants",
-    "draw_effect",
-    "draw_effect_in",
-    "effect_class",
-    "elastic_force",
-    "encode",
-    "full_retraction_protocol",
-    "paper_protocol",
-    "parse_effect",
-    "prescribed",
-    "pull_off_protocol",
-    "record_creep",
-    "record_study",
-    "record_test",
-    "simulate_file",
-    "simulate_study",
-    "simulate_test",
-    "specimens_of",
-    "thin",
-    "write_csv",
+    *(name for name, value in vars().items() if name[0] != "_" and not inspect.ismodule(value)),
     *_EFFECTS,
 ]
 

@@ -102,8 +102,7 @@ def record_creep(
 ) -> Record:
     """Run one load-controlled test."""
     time, wanted = prescribed(program, sample_rate)
-    errors = noise.draw(time, rng)
-    force = wanted
+    errors, force = noise.draw(time, rng), wanted
     if closed_loop:
         slow = Noise(0.0, noise.correlated, noise.correlation_time).draw(time, rng)
         errors = Noise(noise.white, 0.0).draw(time, rng)

@@ -44,14 +44,9 @@ class Pad:
         """Return the force (N) at ascending `times` (s); right to 1e-8 of the peak."""
         check_times(platen, times)
         c = np.array(self.constants.c)
-        elastic = elastic_force(self.constants, platen.displacement(times))
+        elastic = self.constants.force(platen.displacement(times))
         force = c[0] * elastic + c[1:] @ _overstress(self.constants, platen, times)
         return force if self.bonded else np.maximum(force, 0.0)
-
-
-def elastic_force(constants: Constants, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the force (N) of an infinitely fast test: m/b (e^{b d} - 1)."""
-    return constants.force(displacement)
 
 
 def check_times(platen: Motion, times: NDArray[np.float64]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,13 +36,7 @@ class Record:
     def thinned(self, max_rows: int) -> Record:
         """Keep only the rows that the data logger keeps."""
         kept = thin(self.time, self.displacement, max_rows)
-        return Record(
-            self.time[kept],
-            self.displacement[kept],
-            self.force[kept],
-            self.true_displacement[kept],
-            self.true_force[kept],
-        )
+        return Record(*(getattr(self, column.name)[kept] for column in fields(self)))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from qlvbayes.simulate import (
     Pad,
     Platen,
     draw_constants,
-    elastic_force,
     paper_protocol,
 )
 
@@ -61,7 +60,7 @@ def test_instantaneous_peak_and_relaxed_share_of_table_1(pad, peak, relaxed):
     force = Pad(TABLE_1[pad]).force(at_once, np.array([at_once.kinks[-1], at_once.duration]))
     assert force[0] == pytest.approx(peak, abs=0.005)
     assert force[1] / force[0] == pytest.approx(relaxed, abs=5e-4)
-    assert force[0] == pytest.approx(elastic_force(TABLE_1[pad], np.array([1.6]))[0], rel=2e-5)
+    assert force[0] == pytest.approx(TABLE_1[pad].force(1.6), rel=2e-5)
 
 
 def test_a_free_pad_lets_go_and_faster_loading_gives_a_higher_peak():

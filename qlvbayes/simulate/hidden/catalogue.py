@@ -13,33 +13,13 @@ def by_name(*classes: type[Effect]) -> dict[str, type[Effect]]:
     return {effect.name: effect for effect in classes}
 
 
-HIDDEN = by_name(
-    pad_effects.ExtraRelaxationMode,
-    pad_effects.StrainDependentRate,
-    pad_effects.StrainDependentStrength,
-    pad_effects.StressSoftening,
-    pad_effects.FluidLeak,
-    pad_effects.Thixotropy,
-    pad_effects.Conditioning,
-    pad_effects.ViscousDrag,
-    pad_effects.PowerLawDrag,
-    pad_effects.SqueezeFilm,
-    pad_effects.FluidPressure,
-    pad_effects.Friction,
-    pad_effects.SecondContact,
-    contact_effects.InterfaceSlip,
-    contact_effects.PermanentSet,
-    contact_effects.ContactOffset,
-    contact_effects.Backlash,
-    contact_effects.Adhesion,
-    contact_effects.FrameCompliance,
-    sensor_effects.FrameRinging,
-    sensor_effects.Inertia,
-    sensor_effects.ForceOffset,
-    sensor_effects.ForceDrift,
-    sensor_effects.LoadCellCreep,
-    sensor_effects.ChannelLag,
-)
+_CLASSES = [
+    kind
+    for module in (pad_effects, contact_effects, sensor_effects)
+    for kind in vars(module).values()
+    if isinstance(kind, type) and issubclass(kind, Effect) and kind is not Effect
+]
+HIDDEN = by_name(*sorted(_CLASSES, key=lambda kind: kind.order))
 """The listed effects, from the material to the sensor."""
 
 

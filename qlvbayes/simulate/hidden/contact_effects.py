@@ -30,7 +30,6 @@ class InterfaceSlip(Effect):
     yielding: float
 
     def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
-        """Follow the slide from node to node, exactly where the depth is monotone between them."""
         steps = np.diff(depth.ravel())
         lost = self.yielding * np.abs(steps)
         mean = np.where(lost > 0.0, -np.expm1(-lost) / np.where(lost > 0.0, lost, 1.0), 1.0)
@@ -50,7 +49,6 @@ class PermanentSet(Effect):
     share: float
 
     def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
-        """Lower the depth; while it is the largest so far, the set grows with it."""
         deepest = np.maximum(running_max(depth), 0.0)
         remains = np.maximum(depth - self.share * deepest, 0.0)
         growing = (depth >= deepest) & (velocity > 0)
@@ -58,7 +56,6 @@ class PermanentSet(Effect):
         return remains, np.where(remains > 0, slowed, 0.0)
 
     def kinks(self, largest: Array) -> Array:
-        """Return where the pad loses the platen, and where the depth becomes the largest so far."""
         return np.concatenate([self.share * largest, largest])
 
 
@@ -77,16 +74,13 @@ class ContactOffset(Effect):
     gap: float
 
     def lost(self) -> float:
-        """Depth that the contact takes away, mm."""
         return self.gap
 
     def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
-        """Shift the depth; before contact the pad rests."""
         remains = np.maximum(depth - self.gap, 0.0)
         return remains, np.where(remains > 0, velocity, 0.0)
 
     def kinks(self, largest: Array) -> Array:
-        """Return where contact begins."""
         return np.array([self.gap])
 
 
@@ -104,7 +98,6 @@ class Backlash(Effect):
     play: float
 
     def on_depth(self, depth: Array, velocity: Array) -> tuple[Array, Array]:
-        """Return the operator of play along the nodes."""
         position, followed = float(depth.flat[0]), []
         for d in depth.ravel().tolist():
             position = max(position, d) if d > position else min(position, d + self.play)
@@ -115,7 +108,6 @@ class Backlash(Effect):
         return behind, np.where(waits, 0.0, velocity)
 
     def kinks(self, largest: Array) -> Array:
-        """Return where the platen follows again on the way back."""
         return largest - self.play
 
 
@@ -135,7 +127,6 @@ class Adhesion(Effect):
     strength: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Limit the tension."""
         if self.strength == 0.0:
             return np.maximum(force, 0.0)
         pull = np.minimum(force, 0.0) / self.strength
@@ -159,5 +150,4 @@ class FrameCompliance(Effect):
     compliance: float
 
     def deflection(self, force: Array) -> Array:
-        """Return how far the frame yields, mm."""
         return self.compliance * force

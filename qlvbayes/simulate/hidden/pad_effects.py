@@ -26,7 +26,6 @@ class ExtraRelaxationMode(Effect):
     v: float
 
     def modes(self, shares: Array, rates: Array) -> tuple[Array, Array]:
-        """Return one more mode; the others shrink to leave it room."""
         return np.append((1.0 - self.c) * shares, self.c), np.append(rates, self.v)
 
 
@@ -42,7 +41,6 @@ class StrainDependentRate(Effect):
     alpha: float
 
     def rate_factor(self, depth: Array) -> Array:
-        """Factor e^{alpha d}."""
         return np.exp(self.alpha * depth)
 
 
@@ -58,7 +56,6 @@ class StrainDependentStrength(Effect):
     beta: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Mix the relaxing force with the elastic one."""
         share = -np.expm1(-self.beta * path.depth)
         return force + share * (path.elastic - force)
 
@@ -78,7 +75,6 @@ class StressSoftening(Effect):
     s: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Soften below the largest depth."""
         return force * (1.0 - self.s * slack(path))
 
 
@@ -93,7 +89,6 @@ class FluidLeak(Effect):
     rate: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Weaken with the clock."""
         return force * np.exp(-self.rate * path.clock)
 
 
@@ -120,7 +115,6 @@ class Thixotropy(Effect):
     way: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Weaken by what is broken."""
         rate = 1.0 / self.time + np.abs(path.velocity) / self.way
         whole = path.follow(rate, 1.0 / (self.time * rate), start=1.0)
         return force * (1.0 - self.share * (1.0 - whole))
@@ -142,7 +136,6 @@ class Conditioning(Effect):
     tests: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Weaken by the tests before, the same all along this one."""
         return force * (1.0 - self.share * (1.0 - np.exp(-path.platen.number / self.tests)))
 
 
@@ -157,7 +150,6 @@ class ViscousDrag(Effect):
     eta: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the drag."""
         return force + self.eta * path.velocity
 
 
@@ -177,7 +169,6 @@ class PowerLawDrag(Effect):
     n: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the drag."""
         return force + self.k * np.sign(path.velocity) * np.abs(path.velocity) ** self.n
 
 
@@ -194,7 +185,6 @@ class SqueezeFilm(Effect):
     h: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the film's force."""
         return force + self.eta * path.velocity / film(path.depth, self.h) ** 3
 
 
@@ -221,7 +211,6 @@ class FluidPressure(Effect):
     a: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the pressure."""
         undrained = self.k * path.depth
         return force + undrained - path.follow(np.exp(-self.a * path.depth) / self.tau, undrained)
 
@@ -239,7 +228,6 @@ class Friction(Effect):
     reach: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the friction."""
         return force + self.strength * path.slide(self.reach)
 
 
@@ -257,7 +245,6 @@ class SecondContact(Effect):
     depth: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the second spring."""
         return force + self.stiffness * np.maximum(path.depth - self.depth, 0.0)
 
 

@@ -35,7 +35,6 @@ class FrameRinging(Effect):
     damping: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the force of the swinging mass."""
         turn = 2.0 * pi * self.frequency
         added = np.zeros_like(force)
         speed = push = 0.0
@@ -64,7 +63,6 @@ class Inertia(Effect):
     mass: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Add the force on the moved mass."""
         return force + self.mass * path.acceleration
 
 
@@ -80,7 +78,6 @@ class ForceOffset(Effect):
     offset: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Shift the force."""
         return force + self.offset
 
 
@@ -96,7 +93,6 @@ class ForceDrift(Effect):
     rate: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Shift the force with the clock."""
         return force + self.rate * path.clock
 
 
@@ -115,7 +111,6 @@ class LoadCellCreep(Effect):
     time: float
 
     def on_force(self, force: Array, path: Path) -> Array:
-        """Creep towards the load."""
         return force + self.share * path.follow(1.0 / self.time, force)
 
 
@@ -130,5 +125,4 @@ class ChannelLag(Effect):
     delay: float
 
     def late(self) -> float:
-        """Return the seconds by which the force comes late."""
         return self.delay
