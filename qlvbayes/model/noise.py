@@ -13,7 +13,7 @@ from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.motion.noisefloor.floor import NoiseFloor
 from qlvbayes.motion.record import Blocks
 from qlvbayes.priors.distributions import Constant
-from qlvbayes.pytree import Pytree
+from qlvbayes.pytree import Pytree, constant
 from qlvbayes.xp import Array
 
 __all__ = ["NOISES", "AbstractNoise", "Correlated", "Floor", "White"]
@@ -45,15 +45,10 @@ class AbstractNoise(Pytree):
 
 
 class White(AbstractNoise):
-    """Independent normal noise of every sample.
+    """Independent normal noise of every sample."""
 
-    white: Standard deviation of one sample (N).
-    """
-
-    white: Constant
+    white: Constant = constant("force", "white noise, one standard deviation")
     name: ClassVar[str] = "white"
-    units: ClassVar[dict[str, str]] = {"white": "force"}
-    meanings: ClassVar[dict[str, str]] = {"white": "white noise, one standard deviation"}
     words: ClassVar[str] = (
         "independent normal noise, whose standard deviation is fitted with the rest"
     )
@@ -74,21 +69,12 @@ class Correlated(AbstractNoise):
     The process has cov(t, s) = ou^2 e^{-abs(t - s)/tau}. Measured sds weight the white part only: a
     correlated part proportional to the data would draw a fit below them (Peelle's puzzle). It is
     how the noise floor counts among the constants of a hypothesis.
-
-    white: Standard deviation of the white part (N); ou: Stationary standard deviation of the
-    correlated part (N); tau: Its correlation time (s).
     """
 
-    white: Constant
-    ou: Constant
-    tau: Constant
+    white: Constant = constant("force", "white noise, one standard deviation")
+    ou: Constant = constant("force", "correlated noise, one standard deviation")
+    tau: Constant = constant("time", "correlation time of that noise")
     name: ClassVar[str] = "correlated"
-    units: ClassVar[dict[str, str]] = {"white": "force", "ou": "force", "tau": "time"}
-    meanings: ClassVar[dict[str, str]] = {
-        **White.meanings,
-        "ou": "correlated noise, one standard deviation",
-        "tau": "correlation time of that noise",
-    }
 
     @classmethod
     def from_floor(cls, floor: NoiseFloor) -> Correlated:
@@ -100,29 +86,18 @@ class Correlated(AbstractNoise):
         return np.hypot(self.white * np.asarray(samples.weight), self.ou)
 
 
-class Floor(AbstractNoise):
+class Floor(Correlated):
     """Noise floor as measured, not fitted, in addition to what a model misses.
 
-    By itself this is the noise without a discrepancy.
-
-    white, ou, tau: As in `Correlated`; nan where they are the measured ones; factor: Factor by
-    which both standard deviations exceed the measured ones; remainder: Size of the discrepancy (N):
-    its standard deviation where the force is largest. ``factor`` and ``remainder`` are nan where
-    the likelihood sums over them.
+    By itself this is the noise without a discrepancy. ``white``, ``ou`` and ``tau`` are nan where
+    they are the measured ones. ``remainder`` is the size of the discrepancy (N): its standard
+    deviation where the force is largest. ``factor`` and ``remainder`` are nan where the likelihood
+    sums over them.
     """
 
-    white: Constant
-    ou: Constant
-    tau: Constant
-    factor: Constant
-    remainder: Constant
+    factor: Constant = constant("count", "noise in the fit over noise measured at rest")
+    remainder: Constant = constant("force", "what the model misses, one standard deviation")
     name: ClassVar[str] = "floor"
-    units: ClassVar[dict[str, str]] = {**Correlated.units, "factor": "count", "remainder": "force"}
-    meanings: ClassVar[dict[str, str]] = {
-        **Correlated.meanings,
-        "factor": "noise in the fit over noise measured at rest",
-        "remainder": "what the model misses, one standard deviation",
-    }
     neutral: ClassVar[dict[str, float]] = {"factor": 1.0, "remainder": 0.0}
     words: ClassVar[str] = (
         "as measured at rest, without the model, and not fitted; what the model misses goes into a "
@@ -137,8 +112,7 @@ class Floor(AbstractNoise):
 
     def sample_sd(self, samples: Blocks) -> Array:
         """Return the square root of (white weight)^2 + ou^2, times the factor (N)."""
-        own = Correlated(self.white, self.ou, self.tau).sample_sd(samples)
-        return self.factor * own
+        return self.factor * super().sample_sd(samples)
 
 
 def neutral_names(kind: type[AbstractNoise]) -> dict[str, float]:

@@ -138,13 +138,7 @@ class AbstractPositivePrior(AbstractScalarPrior):
 
 
 class Normal(AbstractScalarPrior):
-    """Normal prior of a constant.
-
-    Parameters
-    ----------
-    mean, sd
-        Mean and standard deviation, in the constant's unit; sd is above 0.
-    """
+    """Normal prior of a constant: mean and standard deviation, above 0, in its unit."""
 
     mean: Array | float
     sd: Array | float
@@ -152,19 +146,15 @@ class Normal(AbstractScalarPrior):
 
     @property
     def affine(self) -> tuple[Any, Any]:
-        """Return mean and sd: the coordinate does not depend on the constant's unit."""
         return self.mean, self.sd
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Return the log density of the normal distribution at ``value``."""
         return log_normal_density(value, self.mean, self.sd)
 
     def density(self) -> QuadraticDensity:
-        """Return the log density in sds from the mean."""
         return _normal(0.0, 1.0)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Return one value drawn from the prior."""
         return np.asarray(rng.normal(self.mean, self.sd))
 
 
@@ -173,11 +163,9 @@ class SignedAmplitude(Normal):
 
     @property
     def affine(self) -> tuple[Any, Any]:
-        """Return 0 and 1: the coordinate is the amplitude."""
         return 0.0, 1.0
 
     def density(self) -> QuadraticDensity:
-        """Return the log density; its natural step is the sd."""
         return _normal(float(self.mean), float(self.sd))
 
 
@@ -185,14 +173,8 @@ class LogNormal(AbstractPositivePrior):
     """Log-normal prior of a positive constant: its logarithm is normally distributed.
 
     ``lognormal(1.8, 0.5)`` has the median e^1.8 = 6.05, and one standard deviation is a factor of
-    e^0.5 = 1.65 either way.
-
-    Parameters
-    ----------
-    log_median
-        Mean of the logarithm of the constant, in its unit.
-    log_sd
-        Standard deviation of that logarithm, above 0.
+    e^0.5 = 1.65 either way. The arguments are the mean of the logarithm of the constant, in its
+    unit, and the standard deviation of that logarithm, above 0.
     """
 
     log_median: Array | float
@@ -201,18 +183,15 @@ class LogNormal(AbstractPositivePrior):
     in_log: ClassVar[bool] = True
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Return the log density of the log-normal distribution."""
         positive = xp.asarray(value) > 0.0
         log_value = xp.log(xp.where(positive, value, 1.0))
         density = log_normal_density(log_value, self.log_median, self.log_sd) - log_value
         return xp.where(positive, density, -np.inf)
 
     def density(self) -> QuadraticDensity:
-        """Return the log density over the logarithm; its natural step is always a factor e."""
         return _normal(float(self.log_median), float(self.log_sd))._replace(length=1.0)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Return one value drawn from the prior."""
         return np.exp(rng.normal(self.log_median, self.log_sd))
 
 
@@ -221,64 +200,45 @@ class HalfNormal(AbstractPositivePrior):
 
     The value may be zero, where an effect vanishes: over its logarithm the density would fall
     without end towards zero, along an ever straighter line, which no normal density approximates.
-
-    Parameters
-    ----------
-    sd
-        Standard deviation of the normal before it is folded at zero, above 0.
+    The argument is the standard deviation of the normal before it is folded at zero, above 0.
     """
 
     sd: Array | float
     word: ClassVar[str] = "halfnormal"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Return the log density of the half-normal distribution at ``value``."""
         density = log_normal_density(value, 0.0, self.sd) + math.log(2.0)
         return xp.where(xp.asarray(value) >= 0.0, density, -np.inf)
 
     def density(self) -> QuadraticDensity:
-        """Return the log density from zero on; its natural step is the sd."""
         whole = _normal(0.0, float(self.sd))
         return whole._replace(lowest=0.0, top=whole.top + math.log(2.0))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Return one value drawn from the prior."""
         return np.abs(rng.normal(0.0, self.sd))
 
 
 class Uniform(AbstractScalarPrior):
-    """Uniform prior of a constant between two bounds.
-
-    Parameters
-    ----------
-    low, high
-        The bounds, in the constant's unit; low is below high.
-    """
+    """Uniform prior of a constant between two bounds in its unit, low below high."""
 
     low: Array | float
     high: Array | float
     word: ClassVar[str] = "uniform"
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Return -log(high - low)."""
         return _between(value, self.low, self.high, -xp.log(xp.asarray(self.high) - self.low))
 
     def density(self) -> QuadraticDensity:
-        """Return the flat log density."""
         return _flat(float(self.low), float(self.high))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Return one value drawn from the prior."""
         return np.asarray(rng.uniform(self.low, self.high))
 
 
 class LogUniform(AbstractScalarPrior):
     """Log-uniform prior of a positive constant: its logarithm is uniform between two bounds.
 
-    Parameters
-    ----------
-    low, high
-        The bounds of the constant itself, in its unit; 0 < low < high.
+    These are the bounds of the constant itself, in its unit: 0 < low < high.
     """
 
     low: Array | float
@@ -287,16 +247,13 @@ class LogUniform(AbstractScalarPrior):
     in_log: ClassVar[bool] = True
 
     def log_density(self, value: ArrayLike) -> Array:
-        """Return -log(value log(high/low))."""
         inverse = -xp.log(value) - xp.log(xp.log(xp.asarray(self.high) / self.low))
         return _between(value, self.low, self.high, inverse)
 
     def density(self) -> QuadraticDensity:
-        """Return the log density over the logarithm, which is flat."""
         return _flat(math.log(float(self.low)), math.log(float(self.high)))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Return one value drawn from the prior."""
         return np.exp(rng.uniform(np.log(self.low), np.log(self.high)))
 
 

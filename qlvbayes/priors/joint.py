@@ -1,7 +1,6 @@
 r"""Define priors of several numbers together: fractions that sum to one, rates in falling order.
 
-Each ``to_*`` maps unconstrained numbers y to the value, and gives log\|d value / d y\| with it;
-each ``from_*`` inverts it.
+Each ``to_*`` maps unconstrained numbers y to the value, and gives log\|d value / d y\| with it.
 """
 
 from __future__ import annotations
@@ -45,11 +44,10 @@ class Dirichlet(AbstractPrior):
         self, alpha: Sequence[float] | Array, fixed: dict[int, float] | None = None
     ) -> None:
         self.alpha = xp.asarray(alpha)
-        values = np.zeros(self.alpha.shape[0])
-        for index, value in (fixed or {}).items():
-            values[index] = value
-        self.values = xp.asarray(values)
-        self.free = tuple(i for i in range(values.size) if i not in (fixed or {}))
+        fixed = fixed or {}
+        every = range(self.alpha.shape[0])
+        self.values = np.array([fixed.get(i, 0.0) for i in every], dtype=float)
+        self.free = tuple(i for i in every if i not in fixed)
 
     @property
     def size(self) -> int:
@@ -133,12 +131,10 @@ class Ordered(AbstractPrior):
             else:
                 log_value = xp.log(member)
             logs.append(log_value)
-        return self._rates(logs), total
-
-    def _rates(self, logs: list[Array]) -> Array:
-        """Return the (r,) rates from their logarithms; a fixed rate keeps its last digit."""
+        # a fixed rate keeps its last digit
         pairs = zip(self.members, logs, strict=True)
-        return xp.stack([xp.exp(y) if isinstance(x, AbstractScalarPrior) else x for x, y in pairs])
+        rates = [xp.exp(y) if isinstance(x, AbstractScalarPrior) else x for x, y in pairs]
+        return xp.stack(rates), total
 
     def unconstrain(self, value: ArrayLike) -> Array:
         """Return the unconstrained numbers whose rates are ``value``, shape (r,), falling."""
@@ -160,10 +156,8 @@ class Ordered(AbstractPrior):
         """Return (r,) falling rates; draws in another order are rejected."""
         while True:
             rates = np.array(
-                [
-                    float(x.draw(rng)) if isinstance(x, AbstractScalarPrior) else float(x)
-                    for x in self.members
-                ]
+                [x.draw(rng) if isinstance(x, AbstractScalarPrior) else x for x in self.members],
+                dtype=float,
             )
             if np.all(np.diff(rates) < 0.0):
                 return rates
@@ -205,19 +199,6 @@ def _probability_of_order(members: tuple[AbstractPositivePrior | Array, ...]) ->
     return float(below[-1])
 
 
-def to_interval(y: Array, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
-    """Return x = low + (high - low) sigmoid(y) and the log-Jacobian."""
-    low = xp.asarray(low)
-    width = xp.asarray(high) - low
-    log_volume = xp.log(width) + xp.log_sigmoid(y) + xp.log_sigmoid(-y)
-    return low + width * xp.sigmoid(y), log_volume
-
-
-def from_interval(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
-    """Return the y at which low + (high - low) sigmoid(y) is x."""
-    return xp.log(xp.asarray(x) - low) - xp.log(high - xp.asarray(x))
-
-
 def to_simplex(y: Array) -> tuple[Array, Array]:
     """Map (k - 1,) numbers to (k,) positive fractions that sum to one, by stick-breaking."""
     pieces = y.shape[0]
@@ -241,23 +222,21 @@ def to_between(y: Array, low: Array | None, high: Array | None) -> tuple[Array, 
     """Return x between ``low`` and ``high``, where either may be None, and the log-Jacobian."""
     if low is None and high is None:
         return y, xp.zeros_like(y)
-    if low is not None and high is None:
+    if high is None:
         return low + xp.exp(y), y
-    if high is not None and low is None:
+    if low is None:
         return high - xp.exp(y), y
-    assert low is not None
-    assert high is not None
-    return to_interval(y, low, high)
+    width = xp.asarray(high) - low
+    log_volume = xp.log(width) + xp.log_sigmoid(y) + xp.log_sigmoid(-y)
+    return low + width * xp.sigmoid(y), log_volume
 
 
 def from_between(x: Array, low: Array | None, high: Array | None) -> Array:
     """Return the y that ``to_between(y, low, high)`` maps to x."""
     if low is None and high is None:
         return x
-    if low is not None and high is None:
+    if high is None:
         return xp.log(x - low)
-    if high is not None and low is None:
+    if low is None:
         return xp.log(high - x)
-    assert low is not None
-    assert high is not None
-    return from_interval(x, low, high)
+    return xp.log(x - low) - xp.log(high - x)

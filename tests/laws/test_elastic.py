@@ -128,14 +128,3 @@ def test_step_is_exact_where_stiffening_and_decay_cancel_and_for_hertz_of_power_
 @pytest.mark.few(1)
 def test_every_elastic_law_keeps_the_rules(kind):
     check_law(kind)
-
-
-def test_a_toe_meets_the_exponential_and_of_no_length_is_it():
-    law = ToeExponential(0.3, 1.2, 0.45)
-    below, above = (jnp.asarray(0.45 + x) for x in (-1e-9, 1e-9))
-    assert np.isclose(law.force(below), law.force(above), rtol=1e-8)
-    assert np.isclose(law.stiffness(below), law.stiffness(above), rtol=1e-8)
-    assert law.stiffness(jnp.asarray(1.45)) == pytest.approx(0.3 * np.exp(1.2))
-    depth = jnp.linspace(0.0, 1.6, 20)
-    toe, plain = ToeExponential(0.34, 1.165, 0.0), Exponential(0.34, 1.165)
-    np.testing.assert_allclose(toe.force(depth), plain.force(depth), rtol=1e-14)

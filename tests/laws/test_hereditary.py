@@ -5,8 +5,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 from support.stepped import whole
 
@@ -18,8 +16,6 @@ from qlvbayes.model.model import Model
 from qlvbayes.simulate import PAPER_RATES, TABLE_1, Pad, Platen, paper_protocol
 
 NODES, WEIGHTS = leggauss(20)
-QUICK = settings(max_examples=25, deadline=None, derandomize=True)
-PATH = 24  # points of a random path: one size, one compilation
 
 
 def force_of(model, time, depth):
@@ -268,40 +264,6 @@ def test_slopes_where_growth_cancels_decay_are_those_beside_it():
             for sign in (1, -1)
         ]
         assert np.allclose(slopes(point)[:, k], (near[0] - near[1]) / (2 * size), atol=1e-9)
-
-
-def numbers(low, high, size):
-    return st.lists(st.floats(low, high), min_size=size, max_size=size).map(np.array)
-
-
-GAPS, DEPTHS = numbers(0.0, 3.0, PATH), numbers(-0.3, 1.6, PATH)
-
-
-@given(steps=GAPS, depth=DEPTHS, places=numbers(0.0, 1.0, PATH - 1))
-@QUICK
-def test_points_on_the_straight_lines_change_nothing(steps, depth, places):
-    model = bonded(Exponential(0.34, 1.165), RELAXATION)
-    time = np.cumsum(steps)
-    spots = np.sort(np.concatenate([np.arange(PATH), np.arange(PATH - 1) + places]))
-    index = np.arange(PATH)
-    finer = force(model, np.interp(spots, index, time), np.interp(spots, index, depth))
-    coarse = force(model, time, depth)
-    last = np.searchsorted(spots, index, side="right") - 1
-    assert np.allclose(finer[last], coarse, rtol=1e-11, atol=1e-12)
-
-
-@pytest.mark.parametrize("law", [Exponential(0.34, 1.165), HertzPower(0.5, 1.5)], ids=repr)
-@given(steps=GAPS, depth=DEPTHS)
-@QUICK
-def test_modes_add_up(law, steps, depth):
-    time = np.cumsum(steps)
-    c = RELAXATION.c
-    apart = c[0] * law.force(jnp.asarray(depth))
-    for k in (1, 2):
-        single = Prony(jnp.array([0.0, 1.0]), RELAXATION.v[k - 1 : k])
-        apart = apart + c[k] * force(bonded(law, single), time, depth)
-    together = force(bonded(law, RELAXATION), time, depth)
-    assert np.allclose(together, apart, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("points", [3, 17, 100])

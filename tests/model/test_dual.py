@@ -4,13 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from support.stepped import PRONY, motion_of, relative
+from support.stepped import PRONY, relative
 
 from qlvbayes import InputError, Model, displacement_from_force
-from qlvbayes.effects.catalogue import find
 from qlvbayes.laws import Exponential, Linear, Prony
-
-POINTS = 1201
 
 
 def test_creep_of_a_standard_linear_solid():
@@ -74,23 +71,8 @@ def test_a_stiff_record_from_milliseconds_to_hours():
     assert relative(found, exact(time)[0]) < 1e-5
 
 
-def test_there_and_back_with_contact_lost():
-    time = np.linspace(0.0, 12.0, POINTS)
-    load = np.clip(1.2 * np.sin(1.5 * time), 0.0, None)
-    model = Model(Exponential(0.34, 1.165), PRONY)
-    for name, constants in (("viscous_drag", (0.01,)), ("friction", (0.1, 0.05))):
-        model = model + find(name)(*map(jnp.asarray, constants))
-    found = displacement_from_force(model, time, load)
-    back = model.force(motion_of(time, np.asarray(found)))
-    assert relative(back, load) < 1e-8
-
-
 def test_what_cannot_be_done_is_told_in_one_line():
     model = Model(Linear(0.5), PRONY)
-    with pytest.raises(
-        InputError, match="channel_lag: what is read is the force of an earlier moment"
-    ):
-        displacement_from_force(model + find("channel_lag")(jnp.asarray(0.01)), [0.0], [0.0])
     with pytest.raises(InputError, match="rows of one length"):
         displacement_from_force(model, [0.0, 1.0], [0.0])
     with pytest.raises(InputError, match="time runs back"):

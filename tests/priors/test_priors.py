@@ -11,6 +11,7 @@ from scipy.integrate import quad
 
 from qlvbayes.model.parameters import value_shape
 from qlvbayes.priors import Dirichlet, HalfNormal, LogNormal, LogUniform, Normal, Ordered, Uniform
+from qlvbayes.priors.joint import to_between, to_simplex
 
 RATE = LogNormal(0.3, 1.4)
 SCALARS = [
@@ -163,3 +164,13 @@ def test_ordered_draws_have_the_moments_of_the_density():
     weights = density(prior)(points)[:, None]
     moments = jnp.sum(jnp.where(weights > 0.0, weights * rates, 0.0), 0) / jnp.sum(weights)
     assert np.allclose(moments, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("y", [-700.0, 700.0])
+def test_extreme_numbers_leave_finite_volumes_and_slopes(y):
+    """Of the maps to fractions and to an interval; a whole number of pieces is even at zero."""
+    assert np.allclose(to_simplex(jnp.zeros(4))[0], 0.2, rtol=1e-14)
+    point = jnp.array([y, -y, y])
+    for function in (lambda x: to_simplex(x)[1], lambda x: to_between(x[0], 0.0, 1.0)[1]):
+        assert np.isfinite(function(point))
+        assert np.all(np.isfinite(jax.grad(function)(point)))
