@@ -5,17 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from qlvbayes.effects import (
-    contacts,
-    drags,
-    drifts,
-    fluids,
-    frames,
-    friction,
-    lags,
-    relaxing,
-    softening,
-)
+from qlvbayes.effects import contacts, drags, fluids, frames, sensors, softening
 from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.catalogue import EFFECT_POINTS, at, check_own, installed, own_classes
 from qlvbayes.io.checks import InputError, check_known
@@ -27,16 +17,16 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     drags.PowerLawDrag,
     drags.SqueezeFilm,
     fluids.FluidPressure,
-    drifts.FluidLeak,
-    relaxing.ExtraRelaxationMode,
-    relaxing.StrainDependentRate,
-    relaxing.StrainDependentStrength,
+    softening.FluidLeak,
+    softening.ExtraRelaxationMode,
+    softening.StrainDependentRate,
+    softening.StrainDependentStrength,
     softening.StressSoftening,
     softening.Thixotropy,
     softening.Conditioning,
-    friction.Friction,
+    drags.Friction,
     contacts.SecondContact,
-    friction.InterfaceSlip,
+    contacts.InterfaceSlip,
     softening.PermanentSet,
     contacts.ContactOffset,
     frames.Backlash,
@@ -44,10 +34,10 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     frames.FrameCompliance,
     frames.FrameRinging,
     drags.Inertia,
-    drifts.ForceOffset,
-    drifts.ForceDrift,
-    drifts.LoadCellCreep,
-    lags.ChannelLag,
+    sensors.ForceOffset,
+    sensors.ForceDrift,
+    sensors.LoadCellCreep,
+    sensors.ChannelLag,
 )
 """The listed effects: those that a diagnosis looks for and names."""
 
@@ -55,19 +45,19 @@ FORMS: tuple[type[AbstractEffect], ...] = (
     drags.GuideDrag,
     drags.GuidePowerLawDrag,
     fluids.PowerLawDrainage,
-    drifts.LevellingLeak,
-    friction.PressureFriction,
-    friction.SharpFriction,
-    friction.GuideFriction,
+    softening.LevellingLeak,
+    drags.PressureFriction,
+    drags.SharpFriction,
+    drags.GuideFriction,
     contacts.GradualContact,
     contacts.AdhesionAtAStretch,
     frames.StiffeningFrame,
-    drifts.LevellingDrift,
-    lags.SpreadingLag,
+    sensors.LevellingDrift,
+    sensors.SpreadingLag,
 )
 """Other forms of listed effects; each contains the law of its listed effect, its family."""
 
-OUTSIDE: tuple[type[AbstractEffect], ...] = (drifts.SlowChange, drifts.OffsetsByTest)
+OUTSIDE: tuple[type[AbstractEffect], ...] = (softening.SlowChange, sensors.OffsetsByTest)
 """Effects that name nothing: they stand for whatever the list does not hold."""
 
 EVERY: tuple[type[AbstractEffect], ...] = (*EFFECTS, *FORMS, *OUTSIDE)

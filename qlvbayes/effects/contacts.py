@@ -1,4 +1,4 @@
-"""Where a specimen is touched, lets go, or is touched again."""
+"""Where a specimen is touched, slides, lets go, or is touched again."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ import numpy as np
 
 from qlvbayes import xp
 from qlvbayes.effects.effect import AbstractEffect, AbstractPointwise, Level, Protocol
+from qlvbayes.effects.history import fading, travelled
+from qlvbayes.laws.elastic.polynomial import Linear
+from qlvbayes.laws.hereditary import at_first, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth, touching
 from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import LogUniform, Uniform
 from qlvbayes.priors.distributions import Constant
@@ -19,6 +23,7 @@ from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
 
 _REST = 1e5  # s at zero displacement before the test
+
 _BEFORE = 2  # points that this rest adds before a motion
 
 
@@ -125,6 +130,7 @@ class GradualContact(ContactOffset):
 
 
 _RANGE = (0.1, 0.95)
+
 """Shares of the largest depth: nearer to its ends it is another elastic law, or not visible."""
 
 
@@ -202,8 +208,11 @@ class Adhesion(AbstractEffect):
 
 
 _SHARPNESS = 8.0  # nine tenths of the tension are lost between 1 and 1.3 stretches
+
 _TORN = 3.0  # in stretches; beyond, less than e^-800 of the ligaments is left
+
 _NO_STRETCH = 1e-12  # mm: shorter ligaments are torn as soon as they are pulled
+
 _UNTOUCHED = 1e30  # mm, of a motion that has not touched the surface: nothing holds
 
 
@@ -303,3 +312,65 @@ def _since_contact(first: tuple[Array, Array], second: tuple[Array, Array]) -> t
     """Return whether two parts of a motion touch, and the farthest since they last did."""
     (touched, before), (touches, after) = first, second
     return touched | touches, xp.where(touches, after, xp.maximum(before, after))
+
+
+class InterfaceSlip(AbstractEffect):
+    """Sliding of the specimen in its grips: its depth e follows de = (1 - yielding e sgn v) dd.
+
+    It slides a little from the start, and as much as the platen moves where e has come to
+    1/yielding, whose elastic force is the most that the interface transmits. At a turn it sticks
+    again, and it is back at rest before the platen is. Over the distance travelled e is one
+    relaxing mode. A loose specimen, which is pressed across its faces, does not slide.
+    """
+
+    yielding: Constant = constant(
+        "exponent", "share of the motion that is lost for each unit of depth, zero or more"
+    )
+    name: ClassVar[str] = "interface_slip"
+    level: ClassVar[Level] = Level.DEPTH
+    rank: ClassVar[int] = -1  # the drive's play and the gap lie outside of the specimen's faces
+    law: ClassVar[str] = "delta -> e, de = (1 - yielding e sgn v) d delta"
+    seen: ClassVar[str] = (
+        "softer the farther it goes, stiff at each turn, and back at rest too early"
+    )
+    reference: ClassVar[str] = "Mindlin & Deresiewicz 1953, doi:10.1115/1.4010702; Dahl 1968"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        # with one return it is permanent_set to 0.99, whatever the prior: both lose depth on the
+        # way; a second loading tells, as the set is there already and the slip begins anew
+        return cls(scales.positive(0.5 * scales.depth**2 * scales.stiffness))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        way = travelled(motion.displacement)
+        depth = hereditary_force(*self._sliding, way, motion.displacement)
+        share = self._followed(depth, motion.velocity)
+        return below.force(motion.followed(depth, lambda rate: share * rate))
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        return below.begin(displacement), at_first(*self._sliding, displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        inner, slide = state
+        way = xp.abs(line.displacement - slide.depth)
+        slide, depth = hereditary_step(*self._sliding, slide, way, line.displacement)
+        speed = self._followed(depth, line.velocity) * line.velocity
+        inner, force = below.step(inner, replace(line, displacement=depth, velocity=speed))
+        return (inner, slide), force
+
+    @property
+    def _sliding(self) -> tuple[Linear, Prony]:
+        """The laws whose hereditary integral over the distance travelled is the depth."""
+        return fading(1.0, self.yielding)
+
+    def _followed(self, depth: Array, velocity: Array) -> Array:
+        """Return the share of the platen's motion that the specimen follows."""
+        return 1.0 - self.yielding * depth * xp.sign(velocity)
+
+    @classmethod
+    def unmeasured(cls, protocol: Protocol) -> str | None:
+        return None if protocol.bonded else "the specimen is pressed, not held by its faces"
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        return cls.unmeasured(protocol) or (None if protocol.unloads else "no test unloads")

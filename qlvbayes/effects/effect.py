@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any, ClassVar, Self
 
+from qlvbayes import xp
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
@@ -183,3 +184,23 @@ class AbstractPointwise(AbstractEffect):
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         state, force = below.step(state, line)
         return state, self.changed(force, line, below)
+
+
+class AbstractClocked(AbstractEffect):
+    """Effect that depends on the time (s) since the pad's first test began."""
+
+    @abstractmethod
+    def at_clock(self, force: Array, clock: Array) -> Array:
+        """Return what a force (N) becomes at a time (s) of the pad's clock."""
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        return self.at_clock(below.force(motion), motion.clock)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        return below.begin(displacement), xp.zeros_like(displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        inner, clock = state
+        inner, force = below.step(inner, line)
+        clock = clock + line.duration
+        return (inner, clock), self.at_clock(force, clock)

@@ -99,9 +99,12 @@ class PowerLawDrainage(FluidPressure):
 
     def force(self, below: Law, motion: Motion) -> Array:
         own = motion.alone
-        xi = material_time(own.time, own.displacement, -self.a)
-        pressed = _undrained(xi, own.displacement, self.tau, self.n, self.stroke)
-        return below.force(motion) + self.k * pressed
+        step = xp.diff(material_time(own.time, own.displacement, -self.a))
+        points = (step, *self._balance(step, xp.diff(own.displacement)))
+        constants, bounds = (self.tau, self.n, self.stroke), (_NONE, _NEAR, *_POWERS)
+        if (q := drained(points, constants, bounds)) is None:
+            q = xp.concatenate([np.zeros(1), xp.recur(self._drained, np.zeros(()), points)])
+        return below.force(motion) + self.k * q
 
     def begin(self, below: Law, displacement: Array) -> State:
         return below.begin(displacement), displacement, xp.zeros_like(displacement)
@@ -110,55 +113,36 @@ class PowerLawDrainage(FluidPressure):
         inner, depth, q = state
         inner, force = below.step(inner, line)
         xi_step = material_duration(line.duration, depth, line.displacement, -self.a)
-        known = _balance(xi_step, line.displacement - depth, self.tau, self.n, self.stroke)
-        q = _drained(q, (xi_step, *known), self.tau, self.n, self.stroke)
+        q = self._drained(q, (xi_step, *self._balance(xi_step, line.displacement - depth)))
         return (inner, line.displacement, q), force + self.k * q
 
+    def _rate(self, q: Array) -> Array:
+        """Return r(q)/q of dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}."""
+        return xp.maximum(xp.abs(q) / self.stroke, _NONE) ** (self.n - 1.0) / self.tau
 
-def _undrained(xi: Array, depth: Array, tau: Array, n: Array, stroke: Array) -> Array:
-    """Return q (N,): dq/dxi = s - r(q), r = (q/tau) abs(q/stroke)^{n-1}, s = dd/dxi a step."""
-    step = xp.diff(xi)
+    def _balance(self, step: Array, travel: Array) -> tuple[Array, Array, Array, Array]:
+        """Return jump, s = dd/dxi, q* and rho* of steps in xi, which do not depend on q."""
+        lasting = step > 0.0
+        source = xp.where(lasting, travel / xp.where(lasting, step, 1.0), 0.0)
+        size = xp.maximum(xp.abs(source) * self.tau / self.stroke, _NONE**self.n)
+        balance = xp.sign(source) * self.stroke * size ** (1.0 / self.n)
+        balance = xp.where(source == 0.0, 0.0, balance)
+        return xp.where(lasting, 0.0, travel), source, balance, self.n * self._rate(balance)
 
-    def advance(q: Array, point: tuple[Array, ...]) -> Array:
-        return _drained(q, point, tau, n, stroke)
-
-    points = (step, *_balance(step, xp.diff(depth), tau, n, stroke))
-    compiled = drained(points, (tau, n, stroke), (_NONE, _NEAR, *_POWERS))
-    if compiled is not None:
-        return compiled
-    q = xp.recur(advance, np.zeros(()), points)
-    return xp.concatenate([np.zeros(1), q])
-
-
-def _rate(q: Array, tau: Array, n: Array, stroke: Array) -> Array:
-    return xp.maximum(xp.abs(q) / stroke, _NONE) ** (n - 1.0) / tau
-
-
-def _balance(
-    step: Array, travel: Array, tau: Array, n: Array, stroke: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Return jump, s, q* and rho* of steps in xi, which do not depend on q."""
-    lasting = step > 0.0
-    source = xp.where(lasting, travel / xp.where(lasting, step, 1.0), 0.0)
-    size = xp.maximum(xp.abs(source) * tau / stroke, _NONE**n)
-    balance = xp.where(source == 0.0, 0.0, xp.sign(source) * stroke * size ** (1.0 / n))
-    return xp.where(lasting, 0.0, travel), source, balance, n * _rate(balance, tau, n, stroke)
-
-
-def _drained(q: Array, point: tuple[Array, ...], tau: Array, n: Array, stroke: Array) -> Array:
-    """Return q after a step."""
-    step, jump, source, balance, settling = point
-    q = q + jump
-    relative = _rate(q, tau, n, stroke)
-    gap = q - balance
-    near = xp.abs(gap) <= _NEAR * (xp.abs(q) + xp.abs(balance))
-    secant = (relative * q - source) / xp.where(near, 1.0, gap)
-    secant = xp.where(near, n * _rate(0.5 * (q + balance), tau, n, stroke), secant)
-    excess = secant - settling
-    curved = xp.abs(excess) > _NEAR * secant
-    power = (n * relative - secant) / xp.where(curved, excess, 1.0)
-    power = xp.clip(xp.where(curved, power, 1.0), *_POWERS)
-    grown = power * excess * step * exp_slope(-power * settling * step)
-    decay = settling * step + xp.log1p(grown) / power
-    share = xp.where(secant > 0.0, -xp.expm1(-decay) / secant, step)
-    return q + (source - relative * q) * share
+    def _drained(self, q: Array, point: tuple[Array, ...]) -> Array:
+        """Return q after a step."""
+        step, jump, source, balance, settling = point
+        q = q + jump
+        relative = self._rate(q)
+        gap = q - balance
+        near = xp.abs(gap) <= _NEAR * (xp.abs(q) + xp.abs(balance))
+        secant = (relative * q - source) / xp.where(near, 1.0, gap)
+        secant = xp.where(near, self.n * self._rate(0.5 * (q + balance)), secant)
+        excess = secant - settling
+        curved = xp.abs(excess) > _NEAR * secant
+        power = (self.n * relative - secant) / xp.where(curved, excess, 1.0)
+        power = xp.clip(xp.where(curved, power, 1.0), *_POWERS)
+        grown = power * excess * step * exp_slope(-power * settling * step)
+        decay = settling * step + xp.log1p(grown) / power
+        share = xp.where(secant > 0.0, -xp.expm1(-decay) / secant, step)
+        return q + (source - relative * q) * share

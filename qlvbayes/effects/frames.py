@@ -58,6 +58,7 @@ class FrameCompliance(AbstractEffect):
         return force
 
     def begin(self, below: Law, displacement: Array) -> State:
+        # each Newton step has a motion of its own
         zero, slope = xp.zeros_like(displacement), self._slope(below, displacement)
         force, states = zero, []
         for _ in range(_STEPS):

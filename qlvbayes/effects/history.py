@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import ArrayLike
 
@@ -77,3 +79,18 @@ def _phase_and_sample(scales: Scales) -> tuple[float, float]:
     """Return the longest phase and the sampling interval (s), or guesses where none is known."""
     longest = scales.longest if scales.longest > 0.0 else 1.0
     return longest, scales.shortest if scales.shortest > 0.0 else 1e-3 * longest
+
+
+LEVELS = 4.0
+"""Prior sd of a slowing over one over the study's duration: it may level off within."""
+REACHED = 0.3
+"""Share of rate x duration that a drift reaches at the slowing's median."""
+LARGEST = 2.0
+"""Largest value of `curve`, within 50 %, for ``quadratic`` and ``cubic`` at their priors' sd."""
+
+
+def curve(effect: Any, clock: Array) -> Array:
+    """Return P1 + quadratic P2 + cubic P3, of Legendre, over a clock from 0 to the duration."""
+    x = xp.clip(2.0 * clock / effect.duration - 1.0, -1.0, 1.0)
+    second, third = 0.5 * (3.0 * x**2 - 1.0), 0.5 * (5.0 * x**2 - 3.0) * x
+    return x + effect.quadratic * second + effect.cubic * third

@@ -1,4 +1,4 @@
-"""Softening by what a specimen went through: Mullins, set, conditioning, thixotropy."""
+"""Changes of the material: relaxation, softening by what it went through, leaks."""
 
 from __future__ import annotations
 
@@ -8,16 +8,136 @@ from typing import ClassVar, Self
 import numpy as np
 
 from qlvbayes import xp
-from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.history import fading, largest, resolved_times
+from qlvbayes.effects.effect import (
+    AbstractClocked,
+    AbstractEffect,
+    AbstractPointwise,
+    Level,
+    Protocol,
+)
+from qlvbayes.effects.history import (
+    LARGEST,
+    LEVELS,
+    REACHED,
+    curve,
+    duration,
+    fading,
+    largest,
+    material_duration,
+    material_time,
+    resolved_rates,
+    resolved_times,
+)
 from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State, at_depth, line_at_depth
 from qlvbayes.laws.motion import Line, Motion
+from qlvbayes.laws.relaxation.prony import Spectrum
 from qlvbayes.laws.scales import Scales, lognormal
-from qlvbayes.priors import LogUniform
+from qlvbayes.laws.smoothmath import exp_slope
+from qlvbayes.priors import HalfNormal, LogUniform, Normal
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
+
+
+class ExtraRelaxationMode(AbstractEffect):
+    """Further relaxation mode: G -> (1 - c) G + c e^{-v t}, so F = (1 - c) F_below + c F_mode."""
+
+    c: Constant = constant("fraction", "the mode's share, zero or more")
+    v: Constant = constant("rate", "its rate")
+    name: ClassVar[str] = "extra_relaxation_mode"
+    level: ClassVar[Level] = Level.MATERIAL
+    law: ClassVar[str] = "G -> (1 - c) G + c e^(-v t)"
+    seen: ClassVar[str] = "holds decay at one more rate, quicker or slower than the others"
+    reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        # at most a fifth of a sample's: a quicker mode is a drag that grows with the stiffness, as
+        # a squeeze film's does (a cosine of 0.96 there)
+        low, high = resolved_rates(scales)
+        return cls(scales.positive(0.6 * scales.force), LogUniform(low, high))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        return self._with_mode(below).force(motion)
+
+    def spectrum(self, fractions: Array, rates: Array) -> tuple[Array, Array]:
+        share, rate = xp.asarray(self.c)[None], xp.asarray(self.v)[None]
+        return (
+            xp.concatenate([(1.0 - self.c) * fractions, share]),
+            xp.concatenate([rates, rate]),
+        )
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        return self._with_mode(below).begin(displacement)
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        return self._with_mode(below).step(state, line)
+
+    def _with_mode(self, below: Law) -> Law:
+        relaxation = Spectrum(*self.spectrum(*below.relaxation.spectrum()))
+        return Law(below.elastic, relaxation, below.layers)
+
+
+class StrainDependentRate(AbstractEffect):
+    """Rates of relaxation that change with depth: v_i -> v_i e^{alpha d}.
+
+    All modes then relax in the material time xi = int e^{alpha d} dt.
+    """
+
+    alpha: Constant = constant("exponent", "how depth speeds up relaxation, of either sign")
+    name: ClassVar[str] = "strain_dependent_rate"
+    level: ClassVar[Level] = Level.MATERIAL
+    rank: ClassVar[int] = 1
+    law: ClassVar[str] = "v_i -> v_i e^(alpha delta)"
+    seen: ClassVar[str] = "holds at different depths decay at different rates"
+    reference: ClassVar[str] = "Schapery 1969, doi:10.1002/pen.760090410"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        return cls(scales.signed(0.2 * scales.force * scales.depth))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        xi = material_time(motion.time, motion.displacement, self.alpha)
+        return below.force(replace(motion, time=xi))
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        return below.begin(displacement), displacement
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        inner, depth = state
+        xi_step = material_duration(line.duration, depth, line.displacement, self.alpha)
+        inner, force = below.step(inner, replace(line, duration=xi_step))
+        return (inner, line.displacement), force
+
+
+class StrainDependentStrength(AbstractPointwise):
+    """Relaxing share that changes with depth: F = (1 - s) F_below + s F_e(d), s = 1 - e^{-beta d}.
+
+    F_e is the instantaneous elastic force.
+    """
+
+    beta: Constant = constant(
+        "exponent", "how depth lessens the share that relaxes, of either sign"
+    )
+    name: ClassVar[str] = "strain_dependent_strength"
+    level: ClassVar[Level] = Level.MATERIAL
+    rank: ClassVar[int] = 2
+    law: ClassVar[str] = "F -> e^(-beta delta) F + (1 - e^(-beta delta)) F_e"
+    seen: ClassVar[str] = "holds at different depths lose different shares of their force"
+    reference: ClassVar[str] = "Provenzano et al. 2001, doi:10.1114/1.1408926"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        return cls(scales.signed(0.7 * scales.force * scales.depth))
+
+    def changed(self, force: Array, now: Motion | Line, below: Law) -> Array:
+        share = -xp.expm1(-self.beta * now.displacement)
+        return force + share * (below.elastic.force(now.displacement) - force)
+
+    @classmethod
+    def blind(cls, protocol: Protocol) -> str | None:
+        return "all holds are at one depth" if protocol.one_depth else None
 
 
 class StressSoftening(AbstractEffect):
@@ -113,6 +233,7 @@ class PermanentSet(AbstractEffect):
 
 
 _TESTS = (0.3, 5.0)
+
 """Bounds of the number of tests over which it is conditioned: the first one or a few.
 
 Where it takes more tests than a study has, each weakens it alike, which is fluid_leak: of tests at
@@ -199,3 +320,76 @@ class Thixotropy(AbstractEffect):
         xi_step = line.duration / self.time + moved
         own, broken = hereditary_step(*fading(1.0, 1.0), own, xi_step, own.depth + moved)
         return (inner, line.displacement, own), force * (1.0 - self.share * broken)
+
+
+class FluidLeak(AbstractClocked):
+    """Weakening by a leak: F = F_below e^{-rate t}, t since the pad's first test began."""
+
+    rate: Constant = constant("rate", "share of the force lost per second, zero or more")
+    name: ClassVar[str] = "fluid_leak"
+    level: ClassVar[Level] = Level.SCALING
+    rank: ClassVar[int] = 1
+    law: ClassVar[str] = "F -> F e^(-rate t)"
+    seen: ClassVar[str] = "each test weaker than the one before, all along it"
+    reference: ClassVar[str] = "Darcy 1856; Biot 1941, doi:10.1063/1.1712886"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        return cls(scales.positive(scales.force * duration(scales)))
+
+    def at_clock(self, force: Array, clock: Array) -> Array:
+        return force * xp.exp(-self.rate * clock)
+
+
+class LevellingLeak(FluidLeak):
+    """Leak that levels off: F = F_below w, dw/dt = -rate w + back (1 - w), w(0) = 1.
+
+    t is the pad's clock. Solved, w = 1 - rate (1 - e^{-(rate + back) t})/(rate + back), which
+    levels off at back/(rate + back).
+    """
+
+    back: Constant = constant("rate", "share of the loss that returns per second, zero or more")
+    name: ClassVar[str] = "levelling_leak"
+    generalises: ClassVar[str] = FluidLeak.name
+    reduces: ClassVar[dict[str, float]] = {"back": 0.0}
+    law: ClassVar[str] = "F -> F w, dw/dt = -rate w + back (1 - w)"
+    seen: ClassVar[str] = "each test weaker than the one before, the later the less"
+    reference: ClassVar[str] = "Biot 1941, doi:10.1063/1.1712886"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        # of tests at even intervals one that levels off within the study is conditioning to 0.998,
+        # by the clock in place of the count: only a pause or one long test tells the two apart
+        whole = duration(scales)
+        return cls(scales.positive(REACHED * scales.force * whole), HalfNormal(LEVELS / whole))
+
+    def at_clock(self, force: Array, clock: Array) -> Array:
+        lost = self.rate * clock * exp_slope(-(self.rate + self.back) * clock)
+        return force * (1.0 - lost)
+
+
+class SlowChange(AbstractClocked):
+    """Slow change of the scale: F = F_below (1 + size (P1 + quadratic P2 + cubic P3)).
+
+    P1, P2 and P3 are Legendre polynomials over the clock.
+    """
+
+    size: Constant = constant("fraction", "size of the straight part, of either sign")
+    quadratic: Constant = constant("count", "size of the part P2 over that of the straight one")
+    cubic: Constant = constant("count", "size of the part P3 over that of the straight one")
+    duration: Constant = constant("time", "duration of the study, which is fixed")
+    name: ClassVar[str] = "slow_change"
+    level: ClassVar[Level] = Level.SCALING
+    rank: ClassVar[int] = 2
+    outside: ClassVar[bool] = True
+    law: ClassVar[str] = "F -> F (1 + size (P1 + quadratic P2 + cubic P3)(t))"
+    seen: ClassVar[str] = "tests weaker or stronger as the clock runs, not all one way"
+    reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
+        return cls(scales.signed(LARGEST * scales.force), *curved, duration(scales))
+
+    def at_clock(self, force: Array, clock: Array) -> Array:
+        return force * (1.0 + self.size * curve(self, clock))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qlvbayes.comparison.side import Source, side_of
-from qlvbayes.effects.lags import LINES, ChannelLag
+from qlvbayes.effects.sensors import LINES, ChannelLag
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.checks import InputError
 from qlvbayes.model.model import Model

@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.nexttest.design import Design
 from qlvbayes.diagnosis.nexttest.information import Readings, screen
 from qlvbayes.diagnosis.nexttest.planning import equal_belief, suggest
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
-from qlvbayes.effects.drifts import ForceDrift, ForceOffset
+from qlvbayes.effects.sensors import ForceDrift, ForceOffset
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.starts import shapes
 from qlvbayes.io.data import Pad

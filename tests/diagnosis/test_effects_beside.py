@@ -7,7 +7,7 @@ from support.hidden_pads import hidden_pad
 from qlvbayes.diagnosis.diagnose import run_search
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, find
-from qlvbayes.effects.friction import InterfaceSlip
+from qlvbayes.effects.contacts import InterfaceSlip
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.starts import amplitude_of, shapes

@@ -14,11 +14,10 @@ from qlvbayes.effects import conformance
 from qlvbayes.effects.catalogue import EFFECTS, find, names, own_effects
 from qlvbayes.effects.catalogue import EVERY as WITH_FORMS
 from qlvbayes.effects.conformance import EffectError, check_effect, effect_checks
-from qlvbayes.effects.drags import Inertia, ViscousDrag
+from qlvbayes.effects.drags import Friction, Inertia, ViscousDrag
 from qlvbayes.effects.effect import AbstractEffect, Level, Protocol
-from qlvbayes.effects.friction import Friction
 from qlvbayes.effects.history import largest, material_time
-from qlvbayes.effects.lags import ChannelLag
+from qlvbayes.effects.sensors import ChannelLag
 from qlvbayes.effects.softening import PermanentSet, StressSoftening
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.elastic.exponential import Exponential
@@ -279,7 +278,7 @@ def test_what_protocols_and_records_cannot_show():
 SOURCE = """
 from typing import Any, ClassVar
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.friction import Friction
+from qlvbayes.effects.drags import Friction
 
 """ + inspect.getsource(Good)
 

@@ -17,12 +17,19 @@ from support.stepped import whole
 from qlvbayes.effects.catalogue import EFFECTS, EVERY, FORMS, OUTSIDE, find, names
 from qlvbayes.effects.conformance import EffectError, check_effect
 from qlvbayes.effects.contacts import AdhesionAtAStretch, GradualContact
-from qlvbayes.effects.drags import GuideDrag, GuidePowerLawDrag, Inertia
-from qlvbayes.effects.drifts import LevellingDrift, LevellingLeak, OffsetsByTest, SlowChange
+from qlvbayes.effects.drags import (
+    Friction,
+    GuideDrag,
+    GuideFriction,
+    GuidePowerLawDrag,
+    Inertia,
+    PressureFriction,
+    SharpFriction,
+)
 from qlvbayes.effects.fluids import PowerLawDrainage
 from qlvbayes.effects.frames import StiffeningFrame
-from qlvbayes.effects.friction import Friction, GuideFriction, PressureFriction, SharpFriction
-from qlvbayes.effects.lags import ChannelLag, SpreadingLag
+from qlvbayes.effects.sensors import ChannelLag, LevellingDrift, OffsetsByTest, SpreadingLag
+from qlvbayes.effects.softening import LevellingLeak, SlowChange
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.motion import Motion
 from qlvbayes.laws.scales import Scales

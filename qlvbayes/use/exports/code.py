@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import qlvbayes
-from qlvbayes.effects.lags import LINES
+from qlvbayes.effects.sensors import LINES
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.units import unit_system
 from qlvbayes.use.exports.card import ONE_DRAW, card, in_comment, template

@@ -21,7 +21,7 @@ from jax.core import ShapedArray
 from jax.extend import core
 
 from qlvbayes.effects.effect import AbstractEffect, Level
-from qlvbayes.effects.lags import ChannelLag
+from qlvbayes.effects.sensors import ChannelLag
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.layered import Contact, Layer
 from qlvbayes.laws.motion import Line

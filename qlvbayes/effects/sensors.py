@@ -1,4 +1,4 @@
-"""The force's channel lags behind that of the displacement."""
+"""Errors of the load cell and its channel: offset, drift, creep, lag."""
 
 from __future__ import annotations
 
@@ -10,19 +10,172 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes import xp
-from qlvbayes.effects.effect import AbstractEffect, Level
+from qlvbayes.effects.effect import AbstractClocked, AbstractEffect, AbstractPointwise, Level
+from qlvbayes.effects.history import (
+    LARGEST,
+    LEVELS,
+    REACHED,
+    curve,
+    duration,
+    fading,
+    resolved_times,
+)
 from qlvbayes.laws.elastic.polynomial import Linear
-from qlvbayes.laws.hereditary import hereditary_force
+from qlvbayes.laws.hereditary import Relaxing, hereditary_force, hereditary_step
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
-from qlvbayes.priors import Uniform
+from qlvbayes.laws.smoothmath import exp_slope
+from qlvbayes.priors import HalfNormal, LogUniform, Normal, Uniform
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import Pytree, constant
 from qlvbayes.xp import Array
 
+
+class ForceOffset(AbstractPointwise):
+    """Offset of all forces: F = F_below + offset."""
+
+    offset: Constant = constant("force", "reading of the unloaded cell, of either sign")
+    name: ClassVar[str] = "force_offset"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 1
+    off_pad: ClassVar[bool] = True
+    law: ClassVar[str] = "F += offset"
+    seen: ClassVar[str] = "all forces shifted alike, those without contact too"
+    reference: ClassVar[str] = "ISO 376:2011, zero of a force transducer"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        return cls(scales.signed(1.0))
+
+    def changed(self, force: Array, now: Motion | Line, below: Law) -> Array:
+        return force + self.offset
+
+
+class ForceDrift(AbstractClocked):
+    """Drift of the load cell: F = F_below + rate t, t since the pad's first test began."""
+
+    rate: Constant = constant("force_rate", "drift of the cell's zero, of either sign")
+    name: ClassVar[str] = "force_drift"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 2
+    off_pad: ClassVar[bool] = True
+    law: ClassVar[str] = "F += rate t"
+    seen: ClassVar[str] = "a shift of all forces that grows from test to test"
+    reference: ClassVar[str] = "ISO 376:2011, creep and drift of a force transducer"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        return cls(scales.signed(duration(scales)))
+
+    def at_clock(self, force: Array, clock: Array) -> Array:
+        return force + self.rate * clock
+
+
+class LevellingDrift(ForceDrift):
+    """Drift of the load cell that levels off: F = F_below + rate (1 - e^{-slowing t})/slowing.
+
+    t is the pad's clock.
+    """
+
+    slowing: Constant = constant("rate", "rate at which the drift dies out, zero or more")
+    name: ClassVar[str] = "levelling_drift"
+    generalises: ClassVar[str] = ForceDrift.name
+    reduces: ClassVar[dict[str, float]] = {"slowing": 0.0}
+    law: ClassVar[str] = "F += rate (1 - e^(-slowing t))/slowing"
+    seen: ClassVar[str] = "a shift of all forces that grows from test to test, the later the less"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        whole = duration(scales)
+        return cls(scales.signed(REACHED * whole), HalfNormal(LEVELS / whole))
+
+    def at_clock(self, force: Array, clock: Array) -> Array:
+        return force + self.rate * clock * exp_slope(-self.slowing * clock)
+
+
+class OffsetsByTest(AbstractEffect):
+    """Offset of each test's force: F = F_below + size (P1 + quadratic P2 + cubic P3).
+
+    The Legendre polynomials are taken at the clock of the test's beginning. With force_offset this
+    gives any four tests offsets of their own, and more tests offsets on a smooth curve.
+    """
+
+    size: Constant = constant("force", "size of the straight part, of either sign")
+    quadratic: Constant = constant("count", "size of the part P2 over that of the straight one")
+    cubic: Constant = constant("count", "size of the part P3 over that of the straight one")
+    duration: Constant = constant("time", "duration of the study, which is fixed")
+    name: ClassVar[str] = "offsets_by_test"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 3
+    off_pad: ClassVar[bool] = True
+    outside: ClassVar[bool] = True
+    not_stepped: ClassVar[str] = (
+        "its offset is that of one test of the study, and a step is of none"
+    )
+    law: ClassVar[str] = "F += size (P1 + quadratic P2 + cubic P3)(start)"
+    seen: ClassVar[str] = "all forces of a test shifted alike, each test by its own amount"
+    reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
+        return cls(scales.signed(LARGEST), *curved, duration(scales))
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        return below.force(motion) + self.size * curve(self, motion.start)
+
+
+class LoadCellCreep(AbstractEffect):
+    """Creep of the load cell: F = F_below + share y, with dy/dt = (F_below - y)/time.
+
+    The cell is at rest under the first force of a record, :math:`y(0) = F_{below}(0)`.
+    """
+
+    share: Constant = constant(
+        "fraction", "share of a load that the cell adds in the end, zero or more"
+    )
+    time: Constant = constant("time", "time constant of the creep")
+    name: ClassVar[str] = "load_cell_creep"
+    level: ClassVar[Level] = Level.SENSOR
+    rank: ClassVar[int] = 4
+    law: ClassVar[str] = "F += share y, dy/dt = (F - y)/time"
+    seen: ClassVar[str] = "force creeps up under load, and stays for a while when it is gone"
+    reference: ClassVar[str] = "ISO 376:2011, creep of a force transducer"
+
+    @classmethod
+    def default(cls, scales: Scales) -> Self:
+        low, high = resolved_times(scales)
+        ramp = scales.depth / scales.speed if scales.speed > 0.0 else low
+        times = LogUniform(min(max(low, ramp), 0.5 * high), high)  # slower than the fastest ramp
+        return cls(scales.positive(0.7 * scales.force), times)
+
+    def force(self, below: Law, motion: Motion) -> Array:
+        load = below.force(motion)
+        lacking = hereditary_force(*self._lacking, motion.time, load - load[0])
+        return load + self.share * (load - lacking)
+
+    def begin(self, below: Law, displacement: Array) -> State:
+        inner = below.begin(displacement)
+        still = xp.zeros_like(displacement)
+        load = below.step(inner, Line(still, displacement, still))[1]
+        return inner, Relaxing(load, np.zeros(1))
+
+    def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
+        inner, own = state
+        inner, load = below.step(inner, line)
+        own, lacking = hereditary_step(*self._lacking, own, line.duration, load)
+        return (inner, own), load + self.share * (load - lacking)
+
+    @property
+    def _lacking(self) -> tuple[Linear, Prony]:
+        """Return the laws whose hereditary integral of F is F - y: linear, with one mode."""
+        return fading(1.0, 1.0 / self.time)
+
+
 _ALONG = ("time", "displacement", "velocity", "acceleration", "ago", "sagitta")
+
 LINES = 256  # most steps that the delay may span
 
 
@@ -82,24 +235,17 @@ class ChannelLag(AbstractEffect):
     def step(self, below: Law, state: State, line: Line) -> tuple[State, Array]:
         late: _Late = state
         lost = late.count > LINES
-        added = [
-            old.at[late.count].set(new)
-            for old, new in zip(
-                (late.duration, late.end, late.velocity),
-                (line.duration, line.displacement, line.velocity),
-                strict=True,
-            )
-        ]
-        late = _Late(late.below, late.displacement, late.force, late.count + 1, *added)
+        columns = (late.duration, late.end, late.velocity)
+        added = (line.duration, line.displacement, line.velocity)
+        pairs = zip(columns, added, strict=True)
+        longer = [old.at[late.count].set(new) for old, new in pairs]
+        late = _Late(late.below, late.displacement, late.force, late.count + 1, *longer)
         ahead = xp.sum(late.duration) - self.delay
-
-        def due(carry: tuple[_Late, Array]) -> Array:
-            return (carry[0].count > 0) & (carry[1] > 0.0)
-
-        def on(carry: tuple[_Late, Array]) -> tuple[_Late, Array]:
-            return _advanced(below, *carry)
-
-        late, _ = jax.lax.while_loop(due, on, (late, ahead))
+        late, _ = jax.lax.while_loop(
+            lambda carry: (carry[0].count > 0) & (carry[1] > 0.0),
+            lambda carry: _advanced(below, *carry),
+            (late, ahead),
+        )
         return late, xp.where(lost, np.nan, late.force)
 
 
@@ -149,16 +295,15 @@ def _after(motion: Motion, time: Array) -> Array:
 def _at(motion: Motion, time: Array) -> Motion:
     """Return the motion at other times, from time[0] to time[-1], on its lines or parabolas."""
     after = _after(motion, time)
-    step = xp.take(motion.time, after) - xp.take(motion.time, after - 1)
-    travel = xp.take(motion.displacement, after) - xp.take(motion.displacement, after - 1)
-    slope = travel / xp.where(step > 0.0, step, 1.0)
-    here = xp.where(time < xp.take(motion.time, after), after - 1, after)
+    end, place = xp.take(motion.time, after), xp.take(motion.displacement, after)
+    step = end - xp.take(motion.time, after - 1)
+    step = xp.where(step > 0.0, step, 1.0)
+    slope = (place - xp.take(motion.displacement, after - 1)) / step
+    here = xp.where(time < end, after - 1, after)
     elapsed = time - xp.take(motion.time, here)
-    displacement = xp.take(motion.displacement, after) + slope * (
-        time - xp.take(motion.time, after)
-    )
+    displacement = place + slope * (time - end)
     if motion.sagitta is not None:
-        share = (xp.take(motion.time, after) - time) / xp.where(step > 0.0, step, 1.0)
+        share = (end - time) / step
         displacement = displacement + 4.0 * xp.take(motion.sagitta, after) * share * (1.0 - share)
     return replace(
         motion,
