@@ -34,12 +34,12 @@ class ContactOffset(AbstractEffect):
     """
 
     gap: Constant = constant("displacement", "displacement at which contact begins, of either sign")
-    name: ClassVar[str] = "contact_offset"
-    level: ClassVar[Level] = Level.DEPTH
-    rank: ClassVar[int] = 1
-    law: ClassVar[str] = "delta -> max(delta - gap, 0)"
-    seen: ClassVar[str] = "the toe of every ramp comes late, or a force stands before it"
-    reference: ClassVar[str] = "Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826"
+    name = "contact_offset"
+    level = Level.DEPTH
+    rank = 1
+    law = "delta -> max(delta - gap, 0)"
+    seen = "the toe of every ramp comes late, or a force stands before it"
+    reference = "Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -88,12 +88,12 @@ class GradualContact(ContactOffset):
         "displacement", "how far the depth falls short once contact is full, of either sign"
     )
     over: Constant = constant("displacement", "depth over which contact is made, zero or more")
-    name: ClassVar[str] = "gradual_contact"
-    generalises: ClassVar[str] = ContactOffset.name
+    name = "gradual_contact"
+    generalises = ContactOffset.name
     reduces: ClassVar[dict[str, float]] = {"over": 0.0}
-    law: ClassVar[str] = "delta -> max(delta - gap (1 - e^(-delta/over)), 0)"
-    seen: ClassVar[str] = "the toe of every ramp is longer and rounder, or shorter"
-    reference: ClassVar[str] = "Fung 1993, Biomechanics, ch. 7.3, the toe region"
+    law = "delta -> max(delta - gap (1 - e^(-delta/over)), 0)"
+    seen = "the toe of every ramp is longer and rounder, or shorter"
+    reference = "Fung 1993, Biomechanics, ch. 7.3, the toe region"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -142,12 +142,12 @@ class SecondContact(AbstractPointwise):
 
     stiffness: Constant = constant("stiffness", "its stiffness, zero or more")
     depth: Constant = constant("displacement", "depth at which it is reached")
-    name: ClassVar[str] = "second_contact"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 5
-    law: ClassVar[str] = "F += stiffness max(delta - depth, 0)"
-    seen: ClassVar[str] = "stiffer at once beyond a depth, at any speed, also after long holds"
-    reference: ClassVar[str] = "Gibson & Ashby 1997, Cellular Solids, ch. 5, densification"
+    name = "second_contact"
+    level = Level.ADDING
+    rank = 5
+    law = "F += stiffness max(delta - depth, 0)"
+    seen = "stiffer at once beyond a depth, at any speed, also after long holds"
+    reference = "Gibson & Ashby 1997, Cellular Solids, ch. 5, densification"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -170,15 +170,13 @@ class Adhesion(AbstractEffect):
     """
 
     strength: Constant = constant("force", "the largest tension, zero or more")
-    name: ClassVar[str] = "adhesion"
-    level: ClassVar[Level] = Level.CONTACT
-    inverts: ClassVar[bool] = False
-    not_inverted: ClassVar[str] = (
-        "while the surface lets go, one tension is that of two displacements"
-    )
-    law: ClassVar[str] = "tension up to strength on retraction, then release"
-    seen: ClassVar[str] = "negative force when the platen retracts, then none"
-    reference: ClassVar[str] = "Xu & Needleman 1993, doi:10.1088/0965-0393/1/2/003"
+    name = "adhesion"
+    level = Level.CONTACT
+    inverts = False
+    not_inverted = "while the surface lets go, one tension is that of two displacements"
+    law = "tension up to strength on retraction, then release"
+    seen = "negative force when the platen retracts, then none"
+    reference = "Xu & Needleman 1993, doi:10.1088/0965-0393/1/2/003"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -238,12 +236,12 @@ class AdhesionAtAStretch(Adhesion):
         "how far the surface is back at rest, from 0 (where the force ends) to 1",
         default=1.0,
     )
-    name: ClassVar[str] = "adhesion_at_a_stretch"
-    generalises: ClassVar[str] = Adhesion.name
+    name = "adhesion_at_a_stretch"
+    generalises = Adhesion.name
     reduces: ClassVar[dict[str, float]] = {"stretch": 0.0, "recovered": 1.0}
-    law: ClassVar[str] = "tension up to strength at a stretch beyond contact, then release"
-    seen: ClassVar[str] = "negative force that grows until the platen is a distance off the surface"
-    reference: ClassVar[str] = "Shull 2002, doi:10.1016/S0927-796X(01)00039-0"
+    law = "tension up to strength at a stretch beyond contact, then release"
+    seen = "negative force that grows until the platen is a distance off the surface"
+    reference = "Shull 2002, doi:10.1016/S0927-796X(01)00039-0"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -326,14 +324,12 @@ class InterfaceSlip(AbstractEffect):
     yielding: Constant = constant(
         "exponent", "share of the motion that is lost for each unit of depth, zero or more"
     )
-    name: ClassVar[str] = "interface_slip"
-    level: ClassVar[Level] = Level.DEPTH
-    rank: ClassVar[int] = -1  # the drive's play and the gap lie outside of the specimen's faces
-    law: ClassVar[str] = "delta -> e, de = (1 - yielding e sgn v) d delta"
-    seen: ClassVar[str] = (
-        "softer the farther it goes, stiff at each turn, and back at rest too early"
-    )
-    reference: ClassVar[str] = "Mindlin & Deresiewicz 1953, doi:10.1115/1.4010702; Dahl 1968"
+    name = "interface_slip"
+    level = Level.DEPTH
+    rank = -1  # the drive's play and the gap lie outside of the specimen's faces
+    law = "delta -> e, de = (1 - yielding e sgn v) d delta"
+    seen = "softer the farther it goes, stiff at each turn, and back at rest too early"
+    reference = "Mindlin & Deresiewicz 1953, doi:10.1115/1.4010702; Dahl 1968"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

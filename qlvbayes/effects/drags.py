@@ -27,12 +27,12 @@ class ViscousDrag(AbstractPointwise):
     """Drag proportional to speed: F = F_below + eta v, v the velocity of the pad's surface."""
 
     eta: Constant = constant("drag", "drag coefficient, zero or more")
-    name: ClassVar[str] = "viscous_drag"
-    level: ClassVar[Level] = Level.ADDING
-    law: ClassVar[str] = "F += eta v"
-    seen: ClassVar[str] = "steps of the force at each start and stop, proportional to speed"
-    needs: ClassVar[str] = "velocity"
-    reference: ClassVar[str] = "Kelvin & Voigt; Findley, Lai & Onaran 1976, ch. 5"
+    name = "viscous_drag"
+    level = Level.ADDING
+    law = "F += eta v"
+    seen = "steps of the force at each start and stop, proportional to speed"
+    needs = "velocity"
+    reference = "Kelvin & Voigt; Findley, Lai & Onaran 1976, ch. 5"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -49,14 +49,14 @@ class GuideDrag(ViscousDrag):
     makes the force negative there on the way back. While the pad is pressed this is viscous_drag.
     """
 
-    name: ClassVar[str] = "guide_drag"
-    level: ClassVar[Level] = Level.GUIDE
-    rank: ClassVar[int] = 1
-    off_pad: ClassVar[bool] = True
-    generalises: ClassVar[str] = ViscousDrag.name
-    law: ClassVar[str] = "F += eta v, also off the pad"
-    seen: ClassVar[str] = "steps of the force at each start and stop, also where nothing is touched"
-    reference: ClassVar[str] = "Stokes 1851; Stribeck 1902, Z. VDI 46"
+    name = "guide_drag"
+    level = Level.GUIDE
+    rank = 1
+    off_pad = True
+    generalises = ViscousDrag.name
+    law = "F += eta v, also off the pad"
+    seen = "steps of the force at each start and stop, also where nothing is touched"
+    reference = "Stokes 1851; Stribeck 1902, Z. VDI 46"
 
 
 _POWERS = (0.1, 0.8)
@@ -73,13 +73,13 @@ class PowerLawDrag(AbstractPointwise):
 
     k: Constant = constant("power_drag", "drag at 1 mm/s (N^n), zero or more")
     n: Constant = constant("fraction", "exponent, above 0 and below 1, where 1 is viscous drag")
-    name: ClassVar[str] = "power_law_drag"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 1
-    law: ClassVar[str] = "F += k |v|^n sgn v"
-    seen: ClassVar[str] = "steps of the force at each start and stop that grow slowly with speed"
-    needs: ClassVar[str] = "velocity"
-    reference: ClassVar[str] = "Herschel & Bulkley 1926, doi:10.1007/BF01432034"
+    name = "power_law_drag"
+    level = Level.ADDING
+    rank = 1
+    law = "F += k |v|^n sgn v"
+    seen = "steps of the force at each start and stop that grow slowly with speed"
+    needs = "velocity"
+    reference = "Herschel & Bulkley 1926, doi:10.1007/BF01432034"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -100,13 +100,13 @@ class GuidePowerLawDrag(PowerLawDrag):
     platen too. While the pad is pressed this is power_law_drag.
     """
 
-    name: ClassVar[str] = "guide_power_law_drag"
-    level: ClassVar[Level] = Level.GUIDE
-    rank: ClassVar[int] = 2
-    off_pad: ClassVar[bool] = True
-    generalises: ClassVar[str] = PowerLawDrag.name
-    law: ClassVar[str] = "F += k |v|^n sgn v, also off the pad"
-    seen: ClassVar[str] = "steps of the force that grow slowly with speed, also off the pad"
+    name = "guide_power_law_drag"
+    level = Level.GUIDE
+    rank = 2
+    off_pad = True
+    generalises = PowerLawDrag.name
+    law = "F += k |v|^n sgn v, also off the pad"
+    seen = "steps of the force that grow slowly with speed, also off the pad"
 
 
 _THINNEST = 0.05  # share of its thickness that the film keeps
@@ -125,13 +125,13 @@ class SqueezeFilm(AbstractPointwise):
 
     eta: Constant = constant("drag", "drag coefficient at zero depth, zero or more")
     h: Constant = constant("displacement", "the film's thickness")
-    name: ClassVar[str] = "squeeze_film"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 2
-    law: ClassVar[str] = "F += eta v / (1 - delta/h)^3"
-    seen: ClassVar[str] = "drag that grows with depth"
-    needs: ClassVar[str] = "velocity"
-    reference: ClassVar[str] = "Reynolds 1886, doi:10.1098/rstl.1886.0005"
+    name = "squeeze_film"
+    level = Level.ADDING
+    rank = 2
+    law = "F += eta v / (1 - delta/h)^3"
+    seen = "drag that grows with depth"
+    needs = "velocity"
+    reference = "Reynolds 1886, doi:10.1098/rstl.1886.0005"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -149,16 +149,14 @@ class Inertia(AbstractEffect):
     mass: Constant = constant(
         "mass", "mass that moves with the load cell (N s2/mm, which is 1000 kg), zero or more"
     )
-    name: ClassVar[str] = "inertia"
-    level: ClassVar[Level] = Level.SENSOR
-    off_pad: ClassVar[bool] = True
-    law: ClassVar[str] = "F += mass a"
-    seen: ClassVar[str] = "pulses of the force while the platen speeds up or brakes"
-    needs: ClassVar[str] = "acceleration"
-    not_stepped: ClassVar[str] = (
-        "straight lines have no acceleration but at their ends, where it has no bound"
-    )
-    reference: ClassVar[str] = "Newton 1687, second law"
+    name = "inertia"
+    level = Level.SENSOR
+    off_pad = True
+    law = "F += mass a"
+    seen = "pulses of the force while the platen speeds up or brakes"
+    needs = "acceleration"
+    not_stepped = "straight lines have no acceleration but at their ends, where it has no bound"
+    reference = "Newton 1687, second law"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -192,12 +190,12 @@ class Friction(AbstractEffect):
 
     strength: Constant = constant("force", "force of steady sliding, zero or more")
     reach: Constant = constant("displacement", "distance over which it reverses")
-    name: ClassVar[str] = "friction"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 4
-    law: ClassVar[str] = "dz/dt = (v/reach)(1 - z sgn v), F += strength z"
-    seen: ClassVar[str] = "a constant force against the motion, at any speed, that stays in holds"
-    reference: ClassVar[str] = "Dahl 1968, A solid friction model, Aerospace Corporation"
+    name = "friction"
+    level = Level.ADDING
+    rank = 4
+    law = "dz/dt = (v/reach)(1 - z sgn v), F += strength z"
+    seen = "a constant force against the motion, at any speed, that stays in holds"
+    reference = "Dahl 1968, A solid friction model, Aerospace Corporation"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -245,12 +243,12 @@ class SharpFriction(Friction):
     sharp: Constant = constant(
         "fraction", "share that yields at once, from 0 (Dahl) to 1 (elastic, then sliding)"
     )
-    name: ClassVar[str] = "sharp_friction"
-    generalises: ClassVar[str] = Friction.name
+    name = "sharp_friction"
+    generalises = Friction.name
     reduces: ClassVar[dict[str, float]] = {"sharp": 0.0}
-    law: ClassVar[str] = "F += strength ((1 - sharp) z + sharp s), ds = d delta/reach, |s| <= 1"
-    seen: ClassVar[str] = "a force against the motion, at any speed, that turns round with a corner"
-    reference: ClassVar[str] = "Prandtl 1928, doi:10.1002/zamm.19280080202; Iwan 1966"
+    law = "F += strength ((1 - sharp) z + sharp s), ds = d delta/reach, |s| <= 1"
+    seen = "a force against the motion, at any speed, that turns round with a corner"
+    reference = "Prandtl 1928, doi:10.1002/zamm.19280080202; Iwan 1966"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -291,13 +289,13 @@ class GuideFriction(SharpFriction):
     * ``sharp``: share that yields at once, from 0 (Dahl) to 1 (elastic, then sliding).
     """
 
-    name: ClassVar[str] = "guide_friction"
-    level: ClassVar[Level] = Level.GUIDE
-    rank: ClassVar[int] = 0
-    off_pad: ClassVar[bool] = True
-    law: ClassVar[str] = "F += strength ((1 - sharp) z + sharp s), also off the pad"
-    seen: ClassVar[str] = "a force against the motion, at any speed, also where nothing is touched"
-    reference: ClassVar[str] = "Armstrong-Helouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7"
+    name = "guide_friction"
+    level = Level.GUIDE
+    rank = 0
+    off_pad = True
+    law = "F += strength ((1 - sharp) z + sharp s), also off the pad"
+    seen = "a force against the motion, at any speed, also where nothing is touched"
+    reference = "Armstrong-Helouvry et al. 1994, doi:10.1016/0005-1098(94)90209-7"
 
 
 class PressureFriction(Friction):
@@ -314,12 +312,12 @@ class PressureFriction(Friction):
         "fraction", "share of the friction that is proportional to the force, from 0 to 1"
     )
     pressed: Constant = constant("force", "reference force, which is fixed")
-    name: ClassVar[str] = "pressure_friction"
-    generalises: ClassVar[str] = Friction.name
+    name = "pressure_friction"
+    generalises = Friction.name
     reduces: ClassVar[dict[str, float]] = {"share": 0.0}
-    law: ClassVar[str] = "F += strength (1 - share + share F/pressed) z"
-    seen: ClassVar[str] = "a force against the motion, at any speed, larger the harder it presses"
-    reference: ClassVar[str] = "Amontons 1699; Derjaguin 1934, Z. Phys. 88"
+    law = "F += strength (1 - share + share F/pressed) z"
+    seen = "a force against the motion, at any speed, larger the harder it presses"
+    reference = "Amontons 1699; Derjaguin 1934, Z. Phys. 88"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

@@ -32,12 +32,12 @@ class FluidPressure(AbstractEffect):
     k: Constant = constant("stiffness", "undrained stiffness, zero or more")
     tau: Constant = constant("time", "time of drainage at zero depth")
     a: Constant = constant("exponent", "how compression closes the pores")
-    name: ClassVar[str] = "fluid_pressure"
-    level: ClassVar[Level] = Level.ADDING
-    rank: ClassVar[int] = 3
-    law: ClassVar[str] = "dp/dt = k v - (p/tau) e^(-a delta), F += p"
-    seen: ClassVar[str] = "a transient after each move, slower to die the deeper it is"
-    reference: ClassVar[str] = "Lai, Mow & Roth 1981, doi:10.1115/1.3138261"
+    name = "fluid_pressure"
+    level = Level.ADDING
+    rank = 3
+    law = "dp/dt = k v - (p/tau) e^(-a delta), F += p"
+    seen = "a transient after each move, slower to die the deeper it is"
+    reference = "Lai, Mow & Roth 1981, doi:10.1115/1.3138261"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -85,12 +85,12 @@ class PowerLawDrainage(FluidPressure):
     )
     n: Constant = constant("fraction", "exponent, from 1 (Darcy's flow) to 3")
     stroke: Constant = constant("displacement", "reference compression, which is fixed")
-    name: ClassVar[str] = "power_law_drainage"
-    generalises: ClassVar[str] = FluidPressure.name
+    name = "power_law_drainage"
+    generalises = FluidPressure.name
     reduces: ClassVar[dict[str, float]] = {"n": 1.0}
-    law: ClassVar[str] = "dq/dt = v - (q/tau) |q/stroke|^(n-1) e^(-a delta), F += k q"
-    seen: ClassVar[str] = "a transient after each move, fast at first, with a long tail"
-    reference: ClassVar[str] = "Christopher & Middleman 1965, Ind. Eng. Chem. Fundam. 4:422"
+    law = "dq/dt = v - (q/tau) |q/stroke|^(n-1) e^(-a delta), F += k q"
+    seen = "a transient after each move, fast at first, with a long tail"
+    reference = "Christopher & Middleman 1965, Ind. Eng. Chem. Fundam. 4:422"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

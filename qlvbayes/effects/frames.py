@@ -32,12 +32,12 @@ class FrameCompliance(AbstractEffect):
     """
 
     compliance: Constant = constant("compliance", "one over the frame's stiffness, zero or more")
-    name: ClassVar[str] = "frame_compliance"
-    level: ClassVar[Level] = Level.FRAME
-    costly: ClassVar[bool] = True
-    law: ClassVar[str] = "delta -> delta - compliance F"
-    seen: ClassVar[str] = "softer in proportion to force"
-    reference: ClassVar[str] = "Oliver & Pharr 1992, doi:10.1557/JMR.1992.1564"
+    name = "frame_compliance"
+    level = Level.FRAME
+    costly = True
+    law = "delta -> delta - compliance F"
+    seen = "softer in proportion to force"
+    reference = "Oliver & Pharr 1992, doi:10.1557/JMR.1992.1564"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -94,12 +94,12 @@ class StiffeningFrame(FrameCompliance):
     stiff: Constant = constant(
         "force", "force at which the deflection is half that of a frame that does not stiffen"
     )
-    name: ClassVar[str] = "stiffening_frame"
-    generalises: ClassVar[str] = FrameCompliance.name
+    name = "stiffening_frame"
+    generalises = FrameCompliance.name
     reduces: ClassVar[dict[str, float]] = {"stiff": math.inf}
-    law: ClassVar[str] = "delta -> delta - compliance F/(1 + |F|/stiff)"
-    seen: ClassVar[str] = "softer where the force is small, less so where it is large"
-    reference: ClassVar[str] = "Kalidindi, Abusafieh & El-Danaf 1997, Exp. Mech. 37"
+    law = "delta -> delta - compliance F/(1 + |F|/stiff)"
+    seen = "softer where the force is small, less so where it is large"
+    reference = "Kalidindi, Abusafieh & El-Danaf 1997, Exp. Mech. 37"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -136,18 +136,18 @@ class FrameRinging(AbstractEffect):
     damping: Constant = constant(
         "fraction", "its decay in the time of a radian, 0.1 a loss of 47 % in a period"
     )
-    name: ClassVar[str] = "frame_ringing"
-    level: ClassVar[Level] = Level.SENSOR
-    rank: ClassVar[int] = -1  # within what the load cell's own errors act on
-    off_pad: ClassVar[bool] = True
-    needs: ClassVar[str] = "velocity"
-    shapes: ClassVar[int] = 24
-    not_stepped: ClassVar[str] = (
+    name = "frame_ringing"
+    level = Level.SENSOR
+    rank = -1  # within what the load cell's own errors act on
+    off_pad = True
+    needs = "velocity"
+    shapes = 24
+    not_stepped = (
         "a straight line does not show, before the next one, how abruptly its speed changes"
     )
-    law: ClassVar[str] = "F += strength w/(2 pi f), w'' + 2 g w' + (g^2 + (2 pi f)^2)(w - a) = 0"
-    seen: ClassVar[str] = "the force oscillates after each abrupt start and stop, at one frequency"
-    reference: ClassVar[str] = "Den Hartog 1956, Mechanical Vibrations, ch. 2"
+    law = "F += strength w/(2 pi f), w'' + 2 g w' + (g^2 + (2 pi f)^2)(w - a) = 0"
+    seen = "the force oscillates after each abrupt start and stop, at one frequency"
+    reference = "Den Hartog 1956, Mechanical Vibrations, ch. 2"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -204,14 +204,14 @@ class Backlash(AbstractEffect):
         "displacement",
         "distance that the drive moves back before the platen follows, zero or more",
     )
-    name: ClassVar[str] = "backlash"
-    level: ClassVar[Level] = Level.DEPTH
-    rank: ClassVar[int] = 2
-    inverts: ClassVar[bool] = False
-    not_inverted: ClassVar[str] = "while the platen waits the drive may be anywhere in the play"
-    law: ClassVar[str] = "delta -> p, p' = 0 until delta leaves [p - play, p]"
-    seen: ClassVar[str] = "after each turn of the drive the force waits before it follows"
-    reference: ClassVar[str] = "Visintin 1994, doi:10.1007/978-3-662-11557-2, ch. III, play"
+    name = "backlash"
+    level = Level.DEPTH
+    rank = 2
+    inverts = False
+    not_inverted = "while the platen waits the drive may be anywhere in the play"
+    law = "delta -> p, p' = 0 until delta leaves [p - play, p]"
+    seen = "after each turn of the drive the force waits before it follows"
+    reference = "Visintin 1994, doi:10.1007/978-3-662-11557-2, ch. III, play"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

@@ -37,13 +37,13 @@ class ForceOffset(AbstractPointwise):
     """Offset of all forces: F = F_below + offset."""
 
     offset: Constant = constant("force", "reading of the unloaded cell, of either sign")
-    name: ClassVar[str] = "force_offset"
-    level: ClassVar[Level] = Level.SENSOR
-    rank: ClassVar[int] = 1
-    off_pad: ClassVar[bool] = True
-    law: ClassVar[str] = "F += offset"
-    seen: ClassVar[str] = "all forces shifted alike, those without contact too"
-    reference: ClassVar[str] = "ISO 376:2011, zero of a force transducer"
+    name = "force_offset"
+    level = Level.SENSOR
+    rank = 1
+    off_pad = True
+    law = "F += offset"
+    seen = "all forces shifted alike, those without contact too"
+    reference = "ISO 376:2011, zero of a force transducer"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -57,13 +57,13 @@ class ForceDrift(AbstractClocked):
     """Drift of the load cell: F = F_below + rate t, t since the pad's first test began."""
 
     rate: Constant = constant("force_rate", "drift of the cell's zero, of either sign")
-    name: ClassVar[str] = "force_drift"
-    level: ClassVar[Level] = Level.SENSOR
-    rank: ClassVar[int] = 2
-    off_pad: ClassVar[bool] = True
-    law: ClassVar[str] = "F += rate t"
-    seen: ClassVar[str] = "a shift of all forces that grows from test to test"
-    reference: ClassVar[str] = "ISO 376:2011, creep and drift of a force transducer"
+    name = "force_drift"
+    level = Level.SENSOR
+    rank = 2
+    off_pad = True
+    law = "F += rate t"
+    seen = "a shift of all forces that grows from test to test"
+    reference = "ISO 376:2011, creep and drift of a force transducer"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -80,11 +80,11 @@ class LevellingDrift(ForceDrift):
     """
 
     slowing: Constant = constant("rate", "rate at which the drift dies out, zero or more")
-    name: ClassVar[str] = "levelling_drift"
-    generalises: ClassVar[str] = ForceDrift.name
+    name = "levelling_drift"
+    generalises = ForceDrift.name
     reduces: ClassVar[dict[str, float]] = {"slowing": 0.0}
-    law: ClassVar[str] = "F += rate (1 - e^(-slowing t))/slowing"
-    seen: ClassVar[str] = "a shift of all forces that grows from test to test, the later the less"
+    law = "F += rate (1 - e^(-slowing t))/slowing"
+    seen = "a shift of all forces that grows from test to test, the later the less"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -106,17 +106,15 @@ class OffsetsByTest(AbstractEffect):
     quadratic: Constant = constant("count", "size of the part P2 over that of the straight one")
     cubic: Constant = constant("count", "size of the part P3 over that of the straight one")
     duration: Constant = constant("time", "duration of the study, which is fixed")
-    name: ClassVar[str] = "offsets_by_test"
-    level: ClassVar[Level] = Level.SENSOR
-    rank: ClassVar[int] = 3
-    off_pad: ClassVar[bool] = True
-    outside: ClassVar[bool] = True
-    not_stepped: ClassVar[str] = (
-        "its offset is that of one test of the study, and a step is of none"
-    )
-    law: ClassVar[str] = "F += size (P1 + quadratic P2 + cubic P3)(start)"
-    seen: ClassVar[str] = "all forces of a test shifted alike, each test by its own amount"
-    reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
+    name = "offsets_by_test"
+    level = Level.SENSOR
+    rank = 3
+    off_pad = True
+    outside = True
+    not_stepped = "its offset is that of one test of the study, and a step is of none"
+    law = "F += size (P1 + quadratic P2 + cubic P3)(start)"
+    seen = "all forces of a test shifted alike, each test by its own amount"
+    reference = "Abramowitz & Stegun 1964, ch. 22"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -137,12 +135,12 @@ class LoadCellCreep(AbstractEffect):
         "fraction", "share of a load that the cell adds in the end, zero or more"
     )
     time: Constant = constant("time", "time constant of the creep")
-    name: ClassVar[str] = "load_cell_creep"
-    level: ClassVar[Level] = Level.SENSOR
-    rank: ClassVar[int] = 4
-    law: ClassVar[str] = "F += share y, dy/dt = (F - y)/time"
-    seen: ClassVar[str] = "force creeps up under load, and stays for a while when it is gone"
-    reference: ClassVar[str] = "ISO 376:2011, creep of a force transducer"
+    name = "load_cell_creep"
+    level = Level.SENSOR
+    rank = 4
+    law = "F += share y, dy/dt = (F - y)/time"
+    seen = "force creeps up under load, and stays for a while when it is gone"
+    reference = "ISO 376:2011, creep of a force transducer"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -207,14 +205,14 @@ class ChannelLag(AbstractEffect):
     delay: Constant = constant(
         "time", "delay of the force's channel behind the displacement's, zero or more"
     )
-    name: ClassVar[str] = "channel_lag"
-    level: ClassVar[Level] = Level.CHANNEL
-    costly: ClassVar[bool] = True
-    inverts: ClassVar[bool] = False
-    not_inverted: ClassVar[str] = "what is read is the force of an earlier moment"
-    law: ClassVar[str] = "F(t) -> F(t - delay)"
-    seen: ClassVar[str] = "force late against displacement, in proportion to speed"
-    reference: ClassVar[str] = "Oppenheim & Schafer 2010, Discrete-Time Signal Processing, ch. 5"
+    name = "channel_lag"
+    level = Level.CHANNEL
+    costly = True
+    inverts = False
+    not_inverted = "what is read is the force of an earlier moment"
+    law = "F(t) -> F(t - delay)"
+    seen = "force late against displacement, in proportion to speed"
+    reference = "Oppenheim & Schafer 2010, Discrete-Time Signal Processing, ch. 5"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -329,12 +327,12 @@ class SpreadingLag(ChannelLag):
     spread: Constant = constant(
         "fraction", "share of it that is a first-order filter's, from 0 (a pure delay) to 1"
     )
-    name: ClassVar[str] = "spreading_lag"
-    not_stepped: ClassVar[str] = "its filter runs over points that the whole record lays down"
-    generalises: ClassVar[str] = ChannelLag.name
+    name = "spreading_lag"
+    not_stepped = "its filter runs over points that the whole record lays down"
+    generalises = ChannelLag.name
     reduces: ClassVar[dict[str, float]] = {"spread": 0.0}
-    law: ClassVar[str] = "F(t) -> F(t - (1 - spread) delay), filtered over spread delay"
-    seen: ClassVar[str] = "force late against displacement, and its kinks rounded"
+    law = "F(t) -> F(t - (1 - spread) delay), filtered over spread delay"
+    seen = "force late against displacement, and its kinks rounded"
     begin, step = AbstractEffect.begin, AbstractEffect.step
 
     @classmethod

@@ -45,11 +45,11 @@ class ExtraRelaxationMode(AbstractEffect):
 
     c: Constant = constant("fraction", "the mode's share, zero or more")
     v: Constant = constant("rate", "its rate")
-    name: ClassVar[str] = "extra_relaxation_mode"
-    level: ClassVar[Level] = Level.MATERIAL
-    law: ClassVar[str] = "G -> (1 - c) G + c e^(-v t)"
-    seen: ClassVar[str] = "holds decay at one more rate, quicker or slower than the others"
-    reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
+    name = "extra_relaxation_mode"
+    level = Level.MATERIAL
+    law = "G -> (1 - c) G + c e^(-v t)"
+    seen = "holds decay at one more rate, quicker or slower than the others"
+    reference = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -86,12 +86,12 @@ class StrainDependentRate(AbstractEffect):
     """
 
     alpha: Constant = constant("exponent", "how depth speeds up relaxation, of either sign")
-    name: ClassVar[str] = "strain_dependent_rate"
-    level: ClassVar[Level] = Level.MATERIAL
-    rank: ClassVar[int] = 1
-    law: ClassVar[str] = "v_i -> v_i e^(alpha delta)"
-    seen: ClassVar[str] = "holds at different depths decay at different rates"
-    reference: ClassVar[str] = "Schapery 1969, doi:10.1002/pen.760090410"
+    name = "strain_dependent_rate"
+    level = Level.MATERIAL
+    rank = 1
+    law = "v_i -> v_i e^(alpha delta)"
+    seen = "holds at different depths decay at different rates"
+    reference = "Schapery 1969, doi:10.1002/pen.760090410"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -120,12 +120,12 @@ class StrainDependentStrength(AbstractPointwise):
     beta: Constant = constant(
         "exponent", "how depth lessens the share that relaxes, of either sign"
     )
-    name: ClassVar[str] = "strain_dependent_strength"
-    level: ClassVar[Level] = Level.MATERIAL
-    rank: ClassVar[int] = 2
-    law: ClassVar[str] = "F -> e^(-beta delta) F + (1 - e^(-beta delta)) F_e"
-    seen: ClassVar[str] = "holds at different depths lose different shares of their force"
-    reference: ClassVar[str] = "Provenzano et al. 2001, doi:10.1114/1.1408926"
+    name = "strain_dependent_strength"
+    level = Level.MATERIAL
+    rank = 2
+    law = "F -> e^(-beta delta) F + (1 - e^(-beta delta)) F_e"
+    seen = "holds at different depths lose different shares of their force"
+    reference = "Provenzano et al. 2001, doi:10.1114/1.1408926"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -149,11 +149,11 @@ class StressSoftening(AbstractEffect):
     s: Constant = constant(
         "fraction", "relative loss of force when the pad is nearly unloaded, zero or more"
     )
-    name: ClassVar[str] = "stress_softening"
-    level: ClassVar[Level] = Level.SCALING
-    law: ClassVar[str] = "F -> F (1 - s (1 - delta/delta_max))"
-    seen: ClassVar[str] = "too little force after moving back, right on the way in"
-    reference: ClassVar[str] = "Ogden & Roxburgh 1999, doi:10.1098/rspa.1999.0431"
+    name = "stress_softening"
+    level = Level.SCALING
+    law = "F -> F (1 - s (1 - delta/delta_max))"
+    seen = "too little force after moving back, right on the way in"
+    reference = "Ogden & Roxburgh 1999, doi:10.1098/rspa.1999.0431"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -192,11 +192,11 @@ class PermanentSet(AbstractEffect):
     share: Constant = constant(
         "fraction", "share of the largest depth that does not come back, zero or more"
     )
-    name: ClassVar[str] = "permanent_set"
-    level: ClassVar[Level] = Level.DEPTH
-    law: ClassVar[str] = "delta -> max(delta - share delta_max, 0)"
-    seen: ClassVar[str] = "contact is lost early when the platen retracts"
-    reference: ClassVar[str] = "Dorfmann & Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014"
+    name = "permanent_set"
+    level = Level.DEPTH
+    law = "delta -> max(delta - share delta_max, 0)"
+    seen = "contact is lost early when the platen retracts"
+    reference = "Dorfmann & Ogden 2004, doi:10.1016/j.ijsolstr.2003.11.014"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -251,13 +251,13 @@ class Conditioning(AbstractEffect):
         "fraction", "share of the force that is lost in the end, zero or more"
     )
     tests: Constant = constant("count", "number of tests after which 63 % of that is lost, above 0")
-    name: ClassVar[str] = "conditioning"
-    level: ClassVar[Level] = Level.SCALING
-    rank: ClassVar[int] = 4
-    not_stepped: ClassVar[str] = "it changes from test to test, and steps are of one test"
-    law: ClassVar[str] = "F -> F (1 - share (1 - e^(-n/tests))), n tests before"
-    seen: ClassVar[str] = "the first test strongest, each later one weaker, then all alike"
-    reference: ClassVar[str] = "Fung 1993, Biomechanics, ch. 7.5, preconditioning"
+    name = "conditioning"
+    level = Level.SCALING
+    rank = 4
+    not_stepped = "it changes from test to test, and steps are of one test"
+    law = "F -> F (1 - share (1 - e^(-n/tests))), n tests before"
+    seen = "the first test strongest, each later one weaker, then all alike"
+    reference = "Fung 1993, Biomechanics, ch. 7.5, preconditioning"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -285,12 +285,12 @@ class Thixotropy(AbstractEffect):
     )
     time: Constant = constant("time", "time constant of its recovery at rest")
     way: Constant = constant("displacement", "distance over which motion breaks it down")
-    name: ClassVar[str] = "thixotropy"
-    level: ClassVar[Level] = Level.SCALING
-    rank: ClassVar[int] = 3
-    law: ClassVar[str] = "F -> F (1 - share y), dy/dt = |v| (1 - y)/way - y/time"
-    seen: ClassVar[str] = "weaker after motion, and a force that rises again in holds"
-    reference: ClassVar[str] = "Moore 1959; Barnes 1997, doi:10.1016/S0377-0257(97)00004-9"
+    name = "thixotropy"
+    level = Level.SCALING
+    rank = 3
+    law = "F -> F (1 - share y), dy/dt = |v| (1 - y)/way - y/time"
+    seen = "weaker after motion, and a force that rises again in holds"
+    reference = "Moore 1959; Barnes 1997, doi:10.1016/S0377-0257(97)00004-9"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -326,12 +326,12 @@ class FluidLeak(AbstractClocked):
     """Weakening by a leak: F = F_below e^{-rate t}, t since the pad's first test began."""
 
     rate: Constant = constant("rate", "share of the force lost per second, zero or more")
-    name: ClassVar[str] = "fluid_leak"
-    level: ClassVar[Level] = Level.SCALING
-    rank: ClassVar[int] = 1
-    law: ClassVar[str] = "F -> F e^(-rate t)"
-    seen: ClassVar[str] = "each test weaker than the one before, all along it"
-    reference: ClassVar[str] = "Darcy 1856; Biot 1941, doi:10.1063/1.1712886"
+    name = "fluid_leak"
+    level = Level.SCALING
+    rank = 1
+    law = "F -> F e^(-rate t)"
+    seen = "each test weaker than the one before, all along it"
+    reference = "Darcy 1856; Biot 1941, doi:10.1063/1.1712886"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -349,12 +349,12 @@ class LevellingLeak(FluidLeak):
     """
 
     back: Constant = constant("rate", "share of the loss that returns per second, zero or more")
-    name: ClassVar[str] = "levelling_leak"
-    generalises: ClassVar[str] = FluidLeak.name
+    name = "levelling_leak"
+    generalises = FluidLeak.name
     reduces: ClassVar[dict[str, float]] = {"back": 0.0}
-    law: ClassVar[str] = "F -> F w, dw/dt = -rate w + back (1 - w)"
-    seen: ClassVar[str] = "each test weaker than the one before, the later the less"
-    reference: ClassVar[str] = "Biot 1941, doi:10.1063/1.1712886"
+    law = "F -> F w, dw/dt = -rate w + back (1 - w)"
+    seen = "each test weaker than the one before, the later the less"
+    reference = "Biot 1941, doi:10.1063/1.1712886"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -378,13 +378,13 @@ class SlowChange(AbstractClocked):
     quadratic: Constant = constant("count", "size of the part P2 over that of the straight one")
     cubic: Constant = constant("count", "size of the part P3 over that of the straight one")
     duration: Constant = constant("time", "duration of the study, which is fixed")
-    name: ClassVar[str] = "slow_change"
-    level: ClassVar[Level] = Level.SCALING
-    rank: ClassVar[int] = 2
-    outside: ClassVar[bool] = True
-    law: ClassVar[str] = "F -> F (1 + size (P1 + quadratic P2 + cubic P3)(t))"
-    seen: ClassVar[str] = "tests weaker or stronger as the clock runs, not all one way"
-    reference: ClassVar[str] = "Abramowitz & Stegun 1964, ch. 22"
+    name = "slow_change"
+    level = Level.SCALING
+    rank = 2
+    outside = True
+    law = "F -> F (1 + size (P1 + quadratic P2 + cubic P3)(t))"
+    seen = "tests weaker or stronger as the clock runs, not all one way"
+    reference = "Abramowitz & Stegun 1964, ch. 22"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

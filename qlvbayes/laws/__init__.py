@@ -5,11 +5,7 @@ from qlvbayes.laws.conformance import check_law, law_checks
 from qlvbayes.laws.elastic.law import AbstractElastic
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
-_CLASSES: tuple[type[AbstractElastic] | type[AbstractRelaxation], ...] = (
-    *LAWS.elastic,
-    *LAWS.relaxation,
-)
-_KINDS = {kind.__name__: kind for kind in _CLASSES}
+_KINDS = {kind.__name__: kind for kinds in (LAWS.elastic, LAWS.relaxation) for kind in kinds}
 
 __all__ = [
     "LAWS",

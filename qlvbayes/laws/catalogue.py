@@ -24,26 +24,16 @@ from qlvbayes.laws.relaxation.law import AbstractRelaxation
 
 @dataclass(frozen=True)
 class Laws:
-    """Elastic laws and relaxation laws that can be chosen.
-
-    Parameters
-    ----------
-    elastic
-        The classes of elastic laws.
-    relaxation
-        The classes of relaxation laws.
-    """
+    """Classes of elastic laws and of relaxation laws that can be chosen."""
 
     elastic: tuple[type[AbstractElastic], ...]
     relaxation: tuple[type[AbstractRelaxation], ...]
 
 
-LAWS: Laws = Laws(
-    tuple(loaded(ELASTIC).values()),
-    tuple(loaded(RELAXATION).values()),
-)
+LAWS: Laws = Laws(tuple(loaded(ELASTIC).values()), tuple(loaded(RELAXATION).values()))
 """Every law that comes with the package."""
 
+_CHECK = "laws.conformance.check_law"
 Kind = TypeVar("Kind", bound=type[AbstractElastic] | type[AbstractRelaxation])
 
 
@@ -69,12 +59,8 @@ def _find(what: str, name: str, kinds: Sequence[Kind]) -> Kind:
 
 def installed_laws() -> Laws:
     """Return the laws that installed packages add, by the entry points ``qlvbayes.laws``."""
-
-    def check(kind: type[AbstractElastic] | type[AbstractRelaxation]) -> None:
-        at("laws.conformance.check_law")(kind)
-
     known = (*names(LAWS.elastic), *names(LAWS.relaxation))
-    found = installed(LAW_POINTS, "law", known, check)
+    found = installed(LAW_POINTS, "law", known, lambda kind: at(_CHECK)(kind))
     elastic = tuple(kind for kind in found if issubclass(kind, AbstractElastic))
     return Laws(elastic, tuple(kind for kind in found if kind not in elastic))
 
@@ -85,11 +71,8 @@ def own_laws(path: str | Path) -> Laws:
     elastic = own_classes(path, AbstractElastic, "laws")  # type: ignore[type-abstract]
     relaxation = own_classes(path, AbstractRelaxation, "laws")  # type: ignore[type-abstract]
     if not elastic and not relaxation:
-        raise InputError(
-            "defines no law",
-            file=path,
-            remedy="write a class that extends AbstractElastic or AbstractRelaxation",
-        )
+        remedy = "write a class that extends AbstractElastic or AbstractRelaxation"
+        raise InputError("defines no law", file=path, remedy=remedy)
     check_own(path, elastic, AbstractElastic, "law", names(LAWS.elastic))
     check_own(path, relaxation, AbstractRelaxation, "law", names(LAWS.relaxation))
     return Laws(elastic, relaxation)

@@ -142,7 +142,7 @@ class Normal(AbstractScalarPrior):
 
     mean: Array | float
     sd: Array | float
-    word: ClassVar[str] = "normal"
+    word = "normal"
 
     @property
     def affine(self) -> tuple[Any, Any]:
@@ -179,8 +179,8 @@ class LogNormal(AbstractPositivePrior):
 
     log_median: Array | float
     log_sd: Array | float
-    word: ClassVar[str] = "lognormal"
-    in_log: ClassVar[bool] = True
+    word = "lognormal"
+    in_log = True
 
     def log_density(self, value: ArrayLike) -> Array:
         positive = xp.asarray(value) > 0.0
@@ -204,7 +204,7 @@ class HalfNormal(AbstractPositivePrior):
     """
 
     sd: Array | float
-    word: ClassVar[str] = "halfnormal"
+    word = "halfnormal"
 
     def log_density(self, value: ArrayLike) -> Array:
         density = log_normal_density(value, 0.0, self.sd) + math.log(2.0)
@@ -223,7 +223,7 @@ class Uniform(AbstractScalarPrior):
 
     low: Array | float
     high: Array | float
-    word: ClassVar[str] = "uniform"
+    word = "uniform"
 
     def log_density(self, value: ArrayLike) -> Array:
         return _between(value, self.low, self.high, -xp.log(xp.asarray(self.high) - self.low))
@@ -243,8 +243,8 @@ class LogUniform(AbstractScalarPrior):
 
     low: Array | float
     high: Array | float
-    word: ClassVar[str] = "loguniform"
-    in_log: ClassVar[bool] = True
+    word = "loguniform"
+    in_log = True
 
     def log_density(self, value: ArrayLike) -> Array:
         inverse = -xp.log(value) - xp.log(xp.log(xp.asarray(self.high) / self.low))

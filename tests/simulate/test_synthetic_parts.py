@@ -86,20 +86,14 @@ def test_motion_is_continuous_and_within_speed_and_acceleration(program, limit):
 
 
 @pytest.mark.parametrize("rate", PAPER_RATES)
-def test_velocity_is_the_slope_of_displacement(rate):
+def test_velocity_is_the_slope_of_displacement_and_kinks_are_where_the_acceleration_jumps(rate):
     platen = protocol(rate)
     edges = np.append(platen.kinks, platen.duration)
-    for start, stop in pairwise(edges):
-        middle, step = 0.5 * (start + stop), 0.25 * (stop - start)
-        rise = platen.displacement(middle + step) - platen.displacement(middle - step)
-        assert rise == pytest.approx(2 * step * platen.velocity(middle), abs=1e-12)
-        gain = platen.velocity(middle + step) - platen.velocity(middle - step)
-        assert gain == pytest.approx(2 * step * platen.acceleration(middle), abs=1e-9)
-
-
-@pytest.mark.parametrize("rate", PAPER_RATES)
-def test_kinks_are_where_the_acceleration_jumps(rate):
-    platen = protocol(rate)
+    middle, step = 0.5 * (edges[1:] + edges[:-1]), 0.25 * np.diff(edges)
+    for whole, slope in (("displacement", "velocity"), ("velocity", "acceleration")):
+        along, rising = getattr(platen, whole), getattr(platen, slope)
+        rise = along(middle + step) - along(middle - step)
+        assert rise == pytest.approx(2.0 * step * rising(middle), abs=1e-9)
     jumps = platen.acceleration(platen.kinks + 1e-7) - platen.acceleration(platen.kinks - 1e-7)
     assert np.allclose(np.abs(jumps), np.where(platen.kinks == 0.04, 2000.0, 1000.0))
     assert platen.kinks.size == (7 if rate == 100.0 else 8)

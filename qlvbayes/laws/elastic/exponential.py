@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Self
+from typing import Self
 
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic, Rise
@@ -21,9 +21,9 @@ class Exponential(AbstractElastic):
 
     m: Constant = constant("stiffness", "stiffness at first contact, before anything relaxes")
     b: Constant = constant("exponent", "how fast stiffness grows with depth")
-    name: ClassVar[str] = "exponential"
-    law: ClassVar[str] = "K(δ) = m exp(b δ)"
-    reference: ClassVar[str] = "Fung 1967, doi:10.1152/ajplegacy.1967.213.6.1532"
+    name = "exponential"
+    law = "K(δ) = m exp(b δ)"
+    reference = "Fung 1967, doi:10.1152/ajplegacy.1967.213.6.1532"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -52,9 +52,9 @@ class ToeExponential(AbstractElastic):
     m: Constant = constant("stiffness", "stiffness of the toe, before anything relaxes")
     b: Constant = constant("exponent", "how fast stiffness grows beyond the toe")
     toe: Constant = constant("displacement", "depth at which it begins to stiffen")
-    name: ClassVar[str] = "toe"
-    law: ClassVar[str] = "K(δ) = m exp(b max(δ − toe, 0))"
-    reference: ClassVar[str] = "Fung 1993, doi:10.1007/978-1-4757-2257-4"
+    name = "toe"
+    law = "K(δ) = m exp(b max(δ − toe, 0))"
+    reference = "Fung 1993, doi:10.1007/978-1-4757-2257-4"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

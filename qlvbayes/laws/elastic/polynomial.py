@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Self
+from typing import Self
 
 from qlvbayes import xp
 from qlvbayes.laws.elastic.law import AbstractElastic, Rise
@@ -21,7 +21,7 @@ class Polynomial(AbstractElastic):
     """
 
     m: Constant = constant("stiffness", "stiffness at first contact, before anything relaxes")
-    reference: ClassVar[str] = "Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004"
+    reference = "Rivlin & Saunders 1951, doi:10.1098/rsta.1951.0004"
 
     @property
     def terms(self) -> tuple[Array, Array]:
@@ -54,25 +54,25 @@ class Linear(Polynomial):
     """Elastic force proportional to depth, F_e = m delta: a linear viscoelastic solid."""
 
     m: Constant = constant("stiffness", "stiffness before anything relaxes, at any depth")
-    name: ClassVar[str] = "linear"
-    law: ClassVar[str] = "K(δ) = m"
-    reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
+    name = "linear"
+    law = "K(δ) = m"
+    reference = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
 
 
 class Quadratic(Polynomial):
     """Elastic force as a polynomial of two terms: F_e = m delta + k2 delta^2."""
 
     k2: Constant = constant("quadratic_stiffness", "force by the square of depth")
-    name: ClassVar[str] = "polynomial:2"
-    law: ClassVar[str] = "F(δ) = m δ + k2 δ²"
+    name = "polynomial:2"
+    law = "F(δ) = m δ + k2 δ²"
 
 
 class Cubic(Quadratic):
     """Elastic force as a cubic polynomial: F_e = m delta + k2 delta^2 + k3 delta^3."""
 
     k3: Constant = constant("cubic_stiffness", "force by the cube of depth")
-    name: ClassVar[str] = "polynomial:3"
-    law: ClassVar[str] = "F(δ) = m δ + k2 δ² + k3 δ³"
+    name = "polynomial:3"
+    law = "F(δ) = m δ + k2 δ² + k3 δ³"
 
 
 class HertzPower(AbstractElastic):
@@ -85,9 +85,9 @@ class HertzPower(AbstractElastic):
 
     m: Constant = constant("power_stiffness", "force at a depth of 1, before anything relaxes")
     n: Constant = constant("fraction", "the force grows with this power of depth")
-    name: ClassVar[str] = "hertz"
-    law: ClassVar[str] = "F(δ) = m δ^n, a power law"
-    reference: ClassVar[str] = "Hertz 1882, doi:10.1515/crll.1882.92.156"
+    name = "hertz"
+    law = "F(δ) = m δ^n, a power law"
+    reference = "Hertz 1882, doi:10.1515/crll.1882.92.156"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

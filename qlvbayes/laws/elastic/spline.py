@@ -33,14 +33,14 @@ class Spline(AbstractElastic):
     k5: Constant
     k6: Constant
     depth: float = static()
-    name: ClassVar[str] = "spline"
-    listed: ClassVar[bool] = False
+    name = "spline"
+    listed = False
     units: ClassVar[dict[str, str]] = {f"k{j}": "stiffness" for j in range(_PIECES + 1)}
     meanings: ClassVar[dict[str, str]] = {
         f"k{j}": f"stiffness at {j}/{_PIECES} of the largest depth" for j in range(_PIECES + 1)
     }
-    law: ClassVar[str] = "K(δ) linear between seven knots"
-    reference: ClassVar[str] = "de Boor 1978, A Practical Guide to Splines"
+    law = "K(δ) linear between seven knots"
+    reference = "de Boor 1978, A Practical Guide to Splines"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

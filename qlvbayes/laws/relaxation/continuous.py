@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -33,9 +33,9 @@ class LogNormalSpectrum(AbstractRelaxation):
     c0: Constant = constant("fraction", "share that never relaxes")
     tau: Constant = constant("time", "median relaxation time")
     sigma: Constant = constant("count", "spread of the logarithm of relaxation times")
-    name: ClassVar[str] = "log-normal"
-    law: ClassVar[str] = "g(t) = c0 + (1 − c0) ∫ exp(−t/θ) N(ln θ; ln tau, sigma) d ln θ"
-    reference: ClassVar[str] = "Wiechert 1893, doi:10.1002/andp.18932861011"
+    name = "log-normal"
+    law = "g(t) = c0 + (1 − c0) ∫ exp(−t/θ) N(ln θ; ln tau, sigma) d ln θ"
+    reference = "Wiechert 1893, doi:10.1002/andp.18932861011"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -69,9 +69,9 @@ class Fung(AbstractRelaxation):
     tau1: Constant = constant("time", "when relaxation begins")
     tau2: Constant = constant("time", "when relaxation ends")
     nodes: int = static(default=26)
-    name: ClassVar[str] = "fung"
-    law: ClassVar[str] = "g(t) = {1 + c [E1(t/tau2) − E1(t/tau1)]} / {1 + c ln(tau2/tau1)}"
-    reference: ClassVar[str] = "Fung 1993, doi:10.1007/978-1-4757-2257-4, section 7.6"
+    name = "fung"
+    law = "g(t) = {1 + c [E1(t/tau2) − E1(t/tau1)]} / {1 + c ln(tau2/tau1)}"
+    reference = "Fung 1993, doi:10.1007/978-1-4757-2257-4, section 7.6"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -115,9 +115,9 @@ class PowerLaw(AbstractRelaxation):
     alpha: Constant = constant("count", "exponent of relaxation in time")
     tau: Constant = constant("time", "when the power law begins")
     nodes: int = static(default=48)
-    name: ClassVar[str] = "power-law"
-    law: ClassVar[str] = "g(t) = c0 + (1 − c0)(1 + t/tau)^(−alpha)"
-    reference: ClassVar[str] = "Nutting 1921, doi:10.1016/S0016-0032(21)90171-6"
+    name = "power-law"
+    law = "g(t) = c0 + (1 − c0)(1 + t/tau)^(−alpha)"
+    reference = "Nutting 1921, doi:10.1016/S0016-0032(21)90171-6"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
@@ -166,9 +166,9 @@ class StretchedExponential(AbstractRelaxation):
         "count", "how little relaxation is stretched: 1 is a single exponential"
     )
     tau: Constant = constant("time", "when 1/e of what relaxes is left")
-    name: ClassVar[str] = "stretched"
-    law: ClassVar[str] = "g(t) = c0 + (1 − c0) exp(−(t/tau)^beta)"
-    reference: ClassVar[str] = "Williams & Watts 1970, doi:10.1039/TF9706600080"
+    name = "stretched"
+    law = "g(t) = c0 + (1 − c0) exp(−(t/tau)^beta)"
+    reference = "Williams & Watts 1970, doi:10.1039/TF9706600080"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

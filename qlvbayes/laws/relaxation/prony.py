@@ -17,9 +17,9 @@ class Prony(AbstractRelaxation):
 
     c: Constant = constant("fraction", "share that relaxes with a mode, c[0] of what never does")
     v: Constant = constant("rate", "rate of a mode")
-    name: ClassVar[str] = "prony"
-    law: ClassVar[str] = "g(t) = c[0] + Σ c[i] exp(−v[i] t), Σ c = 1"
-    reference: ClassVar[str] = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
+    name = "prony"
+    law = "g(t) = c[0] + Σ c[i] exp(−v[i] t), Σ c = 1"
+    reference = "Tschoegl 1989, doi:10.1007/978-3-642-73602-5"
     first_index: ClassVar[dict[str, int]] = {"v": 1}
 
     @classmethod
@@ -50,11 +50,11 @@ class Spectrum(AbstractRelaxation):
 
     fractions: Constant  # (L + 1,); the first is the share that never relaxes
     rates: Constant  # (L,) in 1/s
-    name: ClassVar[str] = "spectrum"
+    name = "spectrum"
     units: ClassVar[dict[str, str]] = {}
     meanings: ClassVar[dict[str, str]] = {}
-    law: ClassVar[str] = "any spectrum"
-    reference: ClassVar[str] = ""
+    law = "any spectrum"
+    reference = ""
 
     @classmethod
     def default(cls, scales: Scales) -> Self:

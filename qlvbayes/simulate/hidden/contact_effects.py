@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import e
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,11 +20,11 @@ class InterfaceSlip(Effect):
     loose one the depth stays at 0 where e would fall below.
     """
 
-    name: ClassVar[str] = "interface_slip"
-    recipe: ClassVar[Recipe] = Recipe("yielding", 0.05, 2.0, per_depth)
-    order: ClassVar[int] = 39
-    slides: ClassVar[bool] = True
-    remembers: ClassVar[bool] = True
+    name = "interface_slip"
+    recipe = Recipe("yielding", 0.05, 2.0, per_depth)
+    order = 39
+    slides = True
+    remembers = True
 
     yielding: float
 
@@ -41,10 +40,10 @@ class InterfaceSlip(Effect):
 class PermanentSet(Effect):
     """d -> max(d - share dmax, 0), dmax the largest arriving depth so far, also while loading."""
 
-    name: ClassVar[str] = "permanent_set"
-    recipe: ClassVar[Recipe] = Recipe("share", 0.05, 0.5)
-    order: ClassVar[int] = 40
-    shares: ClassVar[tuple[str, ...]] = ("share",)
+    name = "permanent_set"
+    recipe = Recipe("share", 0.05, 0.5)
+    order = 40
+    shares = ("share",)
 
     share: float
 
@@ -66,10 +65,10 @@ class ContactOffset(Effect):
     With gap < 0 the pad has rested at depth -gap for a long time when the test begins.
     """
 
-    name: ClassVar[str] = "contact_offset"
-    recipe: ClassVar[Recipe] = Recipe("gap", 0.03, 0.5, depth_of)
-    order: ClassVar[int] = 41
-    signed: ClassVar[tuple[str, ...]] = ("gap",)
+    name = "contact_offset"
+    recipe = Recipe("gap", 0.03, 0.5, depth_of)
+    order = 41
+    signed = ("gap",)
 
     gap: float
 
@@ -91,9 +90,9 @@ class Backlash(Effect):
     Pressed inwards the depth is the encoder's; on the way back the platen waits for the play.
     """
 
-    name: ClassVar[str] = "backlash"
-    recipe: ClassVar[Recipe] = Recipe("play", 0.02, 0.5, depth_of)
-    order: ClassVar[int] = 42
+    name = "backlash"
+    recipe = Recipe("play", 0.02, 0.5, depth_of)
+    order = 42
 
     play: float
 
@@ -118,11 +117,9 @@ class Adhesion(Effect):
     The greatest tension is the strength, at F = -strength sqrt(e); beyond, the pad lets go.
     """
 
-    name: ClassVar[str] = "adhesion"
-    recipe: ClassVar[Recipe] = Recipe(
-        "strength", per=peak_of, cap=1.0, protocols=(full_retraction_protocol,)
-    )
-    order: ClassVar[int] = CONTACT
+    name = "adhesion"
+    recipe = Recipe("strength", per=peak_of, cap=1.0, protocols=(full_retraction_protocol,))
+    order = CONTACT
 
     strength: float
 
@@ -142,10 +139,10 @@ class FrameCompliance(Effect):
     pad's is smaller by compliance dF/dt, which is neglected.
     """
 
-    name: ClassVar[str] = "frame_compliance"
-    recipe: ClassVar[Recipe] = Recipe("compliance", 0.03, 1.0, lambda x: x.depth / x.peak)
-    remembers: ClassVar[bool] = True
-    order: ClassVar[int] = FRAME
+    name = "frame_compliance"
+    recipe = Recipe("compliance", 0.03, 1.0, lambda x: x.depth / x.peak)
+    remembers = True
+    order = FRAME
 
     compliance: float
 

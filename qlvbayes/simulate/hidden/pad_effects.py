@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -16,11 +15,11 @@ from .mesh import Array, Path
 class ExtraRelaxationMode(Effect):
     """G -> (1 - c) G + c e^{-v t}; v in 1/s."""
 
-    name: ClassVar[str] = "extra_relaxation_mode"
-    recipe: ClassVar[Recipe] = Recipe("c", 0.1, 0.6, shape=lambda x: {"v": x.rate()})
-    order: ClassVar[int] = 10
-    shares: ClassVar[tuple[str, ...]] = ("c",)
-    positive: ClassVar[tuple[str, ...]] = ("v",)
+    name = "extra_relaxation_mode"
+    recipe = Recipe("c", 0.1, 0.6, shape=lambda x: {"v": x.rate()})
+    order = 10
+    shares = ("c",)
+    positive = ("v",)
 
     c: float
     v: float
@@ -33,10 +32,10 @@ class ExtraRelaxationMode(Effect):
 class StrainDependentRate(Effect):
     """v_i -> v_i e^{alpha d} for all modes; alpha in 1/mm."""
 
-    name: ClassVar[str] = "strain_dependent_rate"
-    recipe: ClassVar[Recipe] = Recipe("alpha", 0.3, 5.0, per_depth)
-    order: ClassVar[int] = 11
-    signed: ClassVar[tuple[str, ...]] = ("alpha",)
+    name = "strain_dependent_rate"
+    recipe = Recipe("alpha", 0.3, 5.0, per_depth)
+    order = 11
+    signed = ("alpha",)
 
     alpha: float
 
@@ -48,10 +47,10 @@ class StrainDependentRate(Effect):
 class StrainDependentStrength(Effect):
     """F -> (1 - s) F + s F_e(d), s = 1 - e^{-beta d}; beta in 1/mm, F_e = m/b (e^{b d} - 1)."""
 
-    name: ClassVar[str] = "strain_dependent_strength"
-    recipe: ClassVar[Recipe] = Recipe("beta", 0.1, 2.0, per_depth)
-    order: ClassVar[int] = 12
-    signed: ClassVar[tuple[str, ...]] = ("beta",)
+    name = "strain_dependent_strength"
+    recipe = Recipe("beta", 0.1, 2.0, per_depth)
+    order = 12
+    signed = ("beta",)
 
     beta: float
 
@@ -67,10 +66,10 @@ _THINNEST = 0.05  # a squeezed film keeps this share of its thickness
 class StressSoftening(Effect):
     """F -> F (1 - s (1 - d/dmax)), dmax the largest depth so far in the test."""
 
-    name: ClassVar[str] = "stress_softening"
-    recipe: ClassVar[Recipe] = Recipe("s", 0.3, 0.9, protocols=(full_retraction_protocol,))
-    order: ClassVar[int] = 20
-    shares: ClassVar[tuple[str, ...]] = ("s",)
+    name = "stress_softening"
+    recipe = Recipe("s", 0.3, 0.9, protocols=(full_retraction_protocol,))
+    order = 20
+    shares = ("s",)
 
     s: float
 
@@ -82,9 +81,9 @@ class StressSoftening(Effect):
 class FluidLeak(Effect):
     """F -> F e^{-rate t}, t the clock since the pad's first test began; rate in 1/s."""
 
-    name: ClassVar[str] = "fluid_leak"
-    recipe: ClassVar[Recipe] = Recipe("rate", 0.05, 10.0, lambda x: 1.0 / x.study_s)
-    order: ClassVar[int] = 21
+    name = "fluid_leak"
+    recipe = Recipe("rate", 0.05, 10.0, lambda x: 1.0 / x.study_s)
+    order = 21
 
     rate: float
 
@@ -99,16 +98,16 @@ class Thixotropy(Effect):
     x = 1 at first; time in s, way in mm.
     """
 
-    name: ClassVar[str] = "thixotropy"
-    recipe: ClassVar[Recipe] = Recipe(
+    name = "thixotropy"
+    recipe = Recipe(
         "share",
         0.1,
         0.9,
         shape=lambda x: {"time": x.spread(2.0, 60.0), "way": x.depth * x.even(0.2, 1.0)},
     )
-    order: ClassVar[int] = 23
-    shares: ClassVar[tuple[str, ...]] = ("share",)
-    positive: ClassVar[tuple[str, ...]] = ("time", "way")
+    order = 23
+    shares = ("share",)
+    positive = ("time", "way")
 
     share: float
     time: float
@@ -124,13 +123,11 @@ class Thixotropy(Effect):
 class Conditioning(Effect):
     """F -> F (1 - share (1 - e^{-n/tests})), n the number of the pad's tests before this one."""
 
-    name: ClassVar[str] = "conditioning"
-    recipe: ClassVar[Recipe] = Recipe(
-        "share", 0.08, 0.9, shape=lambda x: {"tests": x.even(0.5, 3.0)}
-    )
-    order: ClassVar[int] = 25
-    shares: ClassVar[tuple[str, ...]] = ("share",)
-    positive: ClassVar[tuple[str, ...]] = ("tests",)
+    name = "conditioning"
+    recipe = Recipe("share", 0.08, 0.9, shape=lambda x: {"tests": x.even(0.5, 3.0)})
+    order = 25
+    shares = ("share",)
+    positive = ("tests",)
 
     share: float
     tests: float
@@ -143,9 +140,9 @@ class Conditioning(Effect):
 class ViscousDrag(Effect):
     """F -> F + eta v; eta in N s/mm."""
 
-    name: ClassVar[str] = "viscous_drag"
-    recipe: ClassVar[Recipe] = Recipe("eta", 0.002, per=peak_of)
-    order: ClassVar[int] = 30
+    name = "viscous_drag"
+    recipe = Recipe("eta", 0.002, per=peak_of)
+    order = 30
 
     eta: float
 
@@ -157,13 +154,11 @@ class ViscousDrag(Effect):
 class PowerLawDrag(Effect):
     """F -> F + k |v / (1 mm/s)|^n sgn v; k in N, 0 < n <= 1."""
 
-    name: ClassVar[str] = "power_law_drag"
-    recipe: ClassVar[Recipe] = Recipe(
-        "k", 0.01, per=peak_of, shape=lambda x: {"n": x.even(0.3, 0.8)}
-    )
-    order: ClassVar[int] = 31
-    shares: ClassVar[tuple[str, ...]] = ("n",)
-    positive: ClassVar[tuple[str, ...]] = ("n",)
+    name = "power_law_drag"
+    recipe = Recipe("k", 0.01, per=peak_of, shape=lambda x: {"n": x.even(0.3, 0.8)})
+    order = 31
+    shares = ("n",)
+    positive = ("n",)
 
     k: float
     n: float
@@ -176,10 +171,10 @@ class PowerLawDrag(Effect):
 class SqueezeFilm(Effect):
     """F -> F + eta v / max(1 - d/h, 0.05)^3; eta in N s/mm, h in mm."""
 
-    name: ClassVar[str] = "squeeze_film"
-    recipe: ClassVar[Recipe] = Recipe("eta", 0.001, per=peak_of, shape=film_of)
-    order: ClassVar[int] = 32
-    positive: ClassVar[tuple[str, ...]] = ("h",)
+    name = "squeeze_film"
+    recipe = Recipe("eta", 0.001, per=peak_of, shape=film_of)
+    order = 32
+    positive = ("h",)
 
     eta: float
     h: float
@@ -195,16 +190,16 @@ class FluidPressure(Effect):
     Solved for what has drained, u = k d - p, as u' = e^{-a d} / tau (k d - u).
     """
 
-    name: ClassVar[str] = "fluid_pressure"
-    recipe: ClassVar[Recipe] = Recipe(
+    name = "fluid_pressure"
+    recipe = Recipe(
         "k",
         0.05,
         per=stiffness_of,
         shape=lambda draw: {"tau": draw.spread(0.1, 10.0), "a": draw.even(0.0, 1.0) / draw.depth},
     )
-    order: ClassVar[int] = 33
-    positive: ClassVar[tuple[str, ...]] = ("tau",)
-    signed: ClassVar[tuple[str, ...]] = ("a",)
+    order = 33
+    positive = ("tau",)
+    signed = ("a",)
 
     k: float
     tau: float
@@ -219,10 +214,10 @@ class FluidPressure(Effect):
 class Friction(Effect):
     """F -> F + strength z, dz/dt = (v / reach)(1 - z sgn v), z = 0 at first (Dahl); N, mm."""
 
-    name: ClassVar[str] = "friction"
-    recipe: ClassVar[Recipe] = Recipe("strength", per=peak_of, shape=reach_of)
-    order: ClassVar[int] = 34
-    positive: ClassVar[tuple[str, ...]] = ("reach",)
+    name = "friction"
+    recipe = Recipe("strength", per=peak_of, shape=reach_of)
+    order = 34
+    positive = ("reach",)
 
     strength: float
     reach: float
@@ -235,11 +230,11 @@ class Friction(Effect):
 class SecondContact(Effect):
     """F -> F + stiffness max(d - depth, 0); N/mm, mm."""
 
-    name: ClassVar[str] = "second_contact"
-    recipe: ClassVar[Recipe] = Recipe(
+    name = "second_contact"
+    recipe = Recipe(
         "stiffness", 0.2, per=stiffness_of, shape=lambda x: {"depth": x.depth * x.even(0.4, 0.8)}
     )
-    order: ClassVar[int] = 35
+    order = 35
 
     stiffness: float
     depth: float

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,15 +19,15 @@ class FrameRinging(Effect):
     one added to the other; strength in N s/mm, frequency f in Hz.
     """
 
-    name: ClassVar[str] = "frame_ringing"
-    recipe: ClassVar[Recipe] = Recipe(
+    name = "frame_ringing"
+    recipe = Recipe(
         "strength",
         0.003,
         per=peak_of,
         shape=lambda x: {"frequency": x.spread(4.0, 25.0), "damping": x.spread(0.03, 0.2)},
     )
-    order: ClassVar[int] = 59
-    positive: ClassVar[tuple[str, ...]] = ("frequency",)
+    order = 59
+    positive = ("frequency",)
 
     strength: float
     frequency: float
@@ -56,9 +55,9 @@ class FrameRinging(Effect):
 class Inertia(Effect):
     """F -> F + mass a, a the platen's acceleration; mass in N s2/mm."""
 
-    name: ClassVar[str] = "inertia"
-    recipe: ClassVar[Recipe] = Recipe("mass", 5e-5, per=peak_of)
-    order: ClassVar[int] = 60
+    name = "inertia"
+    recipe = Recipe("mass", 5e-5, per=peak_of)
+    order = 60
 
     mass: float
 
@@ -70,10 +69,10 @@ class Inertia(Effect):
 class ForceOffset(Effect):
     """F -> F + offset; N, either sign."""
 
-    name: ClassVar[str] = "force_offset"
-    recipe: ClassVar[Recipe] = Recipe("offset", per=peak_of)
-    order: ClassVar[int] = 61
-    signed: ClassVar[tuple[str, ...]] = ("offset",)
+    name = "force_offset"
+    recipe = Recipe("offset", per=peak_of)
+    order = 61
+    signed = ("offset",)
 
     offset: float
 
@@ -85,10 +84,10 @@ class ForceOffset(Effect):
 class ForceDrift(Effect):
     """F -> F + rate t, t the clock since the pad's first test began; N/s, either sign."""
 
-    name: ClassVar[str] = "force_drift"
-    recipe: ClassVar[Recipe] = Recipe("rate", per=lambda x: x.peak / x.study_s)
-    order: ClassVar[int] = 62
-    signed: ClassVar[tuple[str, ...]] = ("rate",)
+    name = "force_drift"
+    recipe = Recipe("rate", per=lambda x: x.peak / x.study_s)
+    order = 62
+    signed = ("rate",)
 
     rate: float
 
@@ -100,12 +99,10 @@ class ForceDrift(Effect):
 class LoadCellCreep(Effect):
     """F -> F + share y, y' = (F - y)/time: the load cell's own after-effect; s."""
 
-    name: ClassVar[str] = "load_cell_creep"
-    recipe: ClassVar[Recipe] = Recipe(
-        "share", 0.05, 0.9, shape=lambda x: {"time": x.spread(2.0, 60.0)}
-    )
-    order: ClassVar[int] = 67
-    positive: ClassVar[tuple[str, ...]] = ("time",)
+    name = "load_cell_creep"
+    recipe = Recipe("share", 0.05, 0.9, shape=lambda x: {"time": x.spread(2.0, 60.0)})
+    order = 67
+    positive = ("time",)
 
     share: float
     time: float
@@ -118,9 +115,9 @@ class LoadCellCreep(Effect):
 class ChannelLag(Effect):
     """F(t) -> F(t - delay); before the start the force of the start; delay in s."""
 
-    name: ClassVar[str] = "channel_lag"
-    recipe: ClassVar[Recipe] = Recipe("delay", 1e-3, 0.05)
-    order: ClassVar[int] = 69
+    name = "channel_lag"
+    recipe = Recipe("delay", 1e-3, 0.05)
+    order = 69
 
     delay: float
 
