@@ -13,10 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.io.arrays import Array
-from qlvbayes.io.wording import plain
 
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
-_RESOLUTIONS = 2.0  # as far from its readings as a motion may be, but for their scatter
 _TINY = 1e-300  # for a platen that never moves
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
@@ -51,11 +49,6 @@ class Tolerance:
         known = self.step**2 / 12.0 + self.noise**2
         return max(known, (_UNSEEN * self.sample) ** 2 if known == 0.0 else 0.0)
 
-    @property
-    def resolution(self) -> float:
-        """Largest of the encoder step, the scatter's sd and the floor."""
-        return max(self.step, self.noise, self.floor)
-
     def run(self, length: int) -> float:
         """Return the largest allowed mean of this many neighbouring residuals."""
         return max(0.5 * self.step + self.spread / float(np.sqrt(length)), self.floor)
@@ -79,42 +72,6 @@ def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
     while length <= residual.size:
         yield length, np.abs(sums[length:] - sums[:-length]) / length
         length *= 2
-
-
-@dataclass(frozen=True)
-class Departure:
-    """The largest deviation of a motion from its readings, beyond what their errors explain."""
-
-    time: float
-    # distance, explained: in units of displacement, of the mean of so many neighbouring
-    # ``readings`` about that time
-    distance: float
-    explained: float
-    readings: int = 1
-
-    def notice(self, test: str, unit: str) -> str:
-        """Describe the deviation in a sentence."""
-        those = "reading" if self.readings == 1 else f"mean of {self.readings} readings"
-        return (
-            f"test {test}: the fitted motion is {plain(self.distance)} {unit} from the {those} at "
-            f"{self.time:.6g} s, where scatter and resolution explain "
-            f"{plain(self.explained, 2)} {unit}; "
-            "see whether readings there are wrong"
-        )
-
-
-def departure_of(time: Array, residual: Array, tol: Tolerance) -> Departure | None:
-    """Return the largest deviation of a path from its readings; None if none is significant."""
-    least = _RESOLUTIONS * tol.resolution
-    alone = np.where(np.isfinite(residual), np.abs(residual), np.inf)
-    scans = [(1, alone, max(least, tol.sample, tol.rest))]
-    scans += [(m, means, max(least, tol.run(m))) for m, means in runs(residual, tol)]
-    beyond = [(float(sizes.max()) - most) / max(most, _TINY) for _, sizes, most in scans]
-    length, sizes, most = scans[int(np.argmax(beyond))]
-    worst = int(np.argmax(sizes))
-    if sizes[worst] <= most:
-        return None
-    return Departure(float(time[worst + length // 2]), float(sizes[worst]), most, length)
 
 
 def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:

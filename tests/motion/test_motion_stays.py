@@ -1,15 +1,12 @@
 """Fitted motions stay with their readings, and phases are those that an experimenter would name."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.motions import rounded
 from support.solids import kinds
 
-from qlvbayes.motion.bounds import departure_of
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.sensor import encoder_step, tolerance
+from qlvbayes.motion.sensor import encoder_step
 from qlvbayes.motion.splines import Window
 from qlvbayes.motion.stretch import trapezoid
 from qlvbayes.motion.trajectory import smooth
@@ -42,7 +39,6 @@ def test_a_press_read_by_an_encoder_that_dithers(share):
     assert np.abs(fit.displacement(every) - press(every)).max() < 2.0 * STEP * max(1.0, share)
     assert fit.knots.size == 4
     assert phases(fit) == ["hold", "ramp", "hold"]
-    assert fit.departure is None
 
 
 def test_a_platen_that_overshoots_and_settles_holds_from_its_farthest_point():
@@ -91,32 +87,6 @@ def test_few_readings_at_corners_are_not_taken_for_scatter():
     t = np.arange(0.15, 9.0, 0.4)
     x = np.interp(t, [0.0, 0.5, 1.5, 5.0, 6.0, 9.0], [0.0, 0.0, 2.0, 2.0, 0.0, 0.0])
     assert np.abs(smooth(t, x).displacement(t) - x).max() <= 2e-4 * 2.0
-
-
-def departed(residual, noise=0.0, step=STEP):
-    tol = replace(tolerance(np.arange(200.0), np.linspace(0.0, 1.0, 200), step), noise=noise)
-    tol = replace(tol, spread=4.0 * noise, sample=0.5 * step + 4.0 * noise)
-    return departure_of(np.arange(200.0), residual, tol)
-
-
-def test_a_reading_two_steps_from_the_motion_is_told():
-    residual = np.zeros(200)
-    residual[50] = 1.9 * STEP
-    assert departed(residual) is None
-    residual[50] = 2.1 * STEP
-    found = departed(residual)
-    assert (found.time, found.readings) == (50.0, 1)
-    assert found.distance == pytest.approx(2.1 * STEP)
-    assert "50 s" in found.notice("a", "mm")
-
-
-def test_a_run_of_readings_is_told_that_each_alone_could_be_scatter():
-    scatter = STEP * np.random.default_rng(6).normal(size=200)
-    assert departed(scatter, noise=STEP, step=0.0) is None
-    scatter[100:116] += 3.0 * STEP
-    found = departed(scatter, noise=STEP, step=0.0)
-    assert 100.0 <= found.time < 116.0
-    assert f"mean of {found.readings} readings" in found.notice("a", "mm")
 
 
 INTERVAL = 0.02  # s
