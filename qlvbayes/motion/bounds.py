@@ -147,75 +147,22 @@ def find_dwells(
     time: Array, displacement: Array, segments: list[tuple[int, int]], tol: Tolerance
 ) -> list[DwellSpan]:
     """Return the runs of samples at rest, each stretched as far as its level reaches."""
-    rests = []
-    for k, segment in enumerate(segments):
-        first, stop = _longest_rest(displacement, *segment, tol)
-        x = displacement[first:stop]
-        if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
-            continue
-        if _about_zero(x - x.mean(), tol):
-            rests.append(_Rest(first, stop, k, k))
     ends = np.array(segments) - np.array([0, 1])  # first and last reading of each
     ways = np.abs(np.diff(displacement[ends], axis=1))[:, 0]
     lengths = np.diff(time[ends], axis=1)[:, 0]
     speed = np.divide(ways, lengths, out=np.zeros(ways.size), where=lengths > 0.0)
     dwells = []
-    for rest in _joined(displacement, rests, tol):
-        neighbouring = max(
-            speed[max(rest.low - 1, 0)], speed[min(rest.high + 1, len(segments) - 1)]
-        )
-        alone = rest.low == 0 and rest.high == len(segments) - 1
-        # At the speed next door it would have been seen to move.
-        if alone or neighbouring * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
-            level = float(displacement[rest.first : rest.stop].mean())
-            dwells.append(DwellSpan(rest.first, rest.stop, level))
-    stretched = _stretched(displacement, dwells, tol)
-    return [dwell for dwell in stretched if not _turns(time, displacement, dwell, tol)]
-
-
-@dataclass(frozen=True)
-class _Rest:
-    """Samples [first, stop) that may be at rest, of the segments from ``low`` to ``high``."""
-
-    first: int
-    stop: int
-    low: int
-    high: int
-
-
-def _longest_rest(displacement: Array, begin: int, end: int, tol: Tolerance) -> tuple[int, int]:
-    """Return a segment, or where it scatters the longest run of readings about its median."""
-    if tol.noise == 0.0:
-        return begin, end
-    x = displacement[begin:end]
-    off = np.flatnonzero(excess(x - float(np.median(x)), tol, tol.rest) > 1.0)
-    edges = np.concatenate([[-1], off, [x.size]])
-    longest = int(np.argmax(np.diff(edges)))
-    return begin + int(edges[longest]) + 1, begin + int(edges[longest + 1])
-
-
-def _joined(displacement: Array, rests: list[_Rest], tol: Tolerance) -> list[_Rest]:
-    """Join rests that scatter alone has divided: they share one level."""
-    out: list[_Rest] = []
-    for rest in rests:
-        out.append(rest)
-        while tol.noise > 0.0 and len(out) > 1:
-            before, after = out[-2:]
-            x = displacement[before.first : after.stop]
-            if not _about_zero(x - x.mean(), tol):
-                break
-            out[-2:] = [_Rest(before.first, after.stop, before.low, after.high)]
-    return out
-
-
-def _turns(time: Array, displacement: Array, dwell: DwellSpan, tol: Tolerance) -> bool:
-    """Return whether one parabola fits the dwell and twice its length on either side."""
-    reach = 2 * (dwell.stop - dwell.first)
-    around = slice(max(dwell.first - reach, 0), dwell.stop + reach)
-    x = displacement[around]
-    if x.size < 2 * (dwell.stop - dwell.first):
-        return False
-    return float(np.ptp(x)) > 4.0 * tol.rest and _quadratic_fits(time[around], x, tol)
+    for k, (first, stop) in enumerate(segments):
+        x = displacement[first:stop]
+        level = float(x.mean())
+        if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
+            continue
+        # at the speed next door it would have been seen to move
+        nearby = max(speed[max(k - 1, 0)], speed[min(k + 1, len(segments) - 1)])
+        moves = nearby * lengths[k] >= 4.0 * tol.rest or len(segments) == 1
+        if moves and _about_zero(x - level, tol):
+            dwells.append(DwellSpan(first, stop, level))
+    return _stretched(displacement, dwells, tol)
 
 
 def _stretched(displacement: Array, dwells: list[DwellSpan], tol: Tolerance) -> list[DwellSpan]:

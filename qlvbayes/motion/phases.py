@@ -157,11 +157,16 @@ def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
     ramp = next((p for p in phases if p.kind == "ramp"), None)
     if ramp is None:
         raise InputError("the record holds no loading ramp")
-    t = np.linspace(ramp.start, ramp.stop, 4001)
-    depth = np.maximum.accumulate(trajectory.displacement(t))
-    stroke = float(depth[-1] - depth[0])
-    early, late = np.interp(depth[0] + np.array([0.2, 0.8]) * stroke, depth, t)
-    return 0.6 * stroke / float(late - early)
+    return mean_speed(trajectory, ramp)
+
+
+def mean_speed(trajectory: Trajectory, phase: Phase) -> float:
+    """Return the speed over the middle 60 % of a movement's stroke; 0 if it does not move."""
+    time = np.linspace(phase.start, phase.stop, 4001)
+    depth = trajectory.displacement(time)
+    way = np.maximum.accumulate((1.0 if phase.kind == "ramp" else -1.0) * (depth - depth[0]))
+    early, late = np.interp([0.2 * way[-1], 0.8 * way[-1]], way, time)
+    return 0.6 * float(way[-1] / (late - early)) if late > early else 0.0
 
 
 def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:

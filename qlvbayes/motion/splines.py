@@ -249,16 +249,12 @@ def _unfaithful(spline: FittedSpline, window: Window, tol: Tolerance) -> NDArray
     return failing
 
 
-def _halved(joints: Joints, time: Array, failing: NDArray[np.bool_]) -> Joints | None:
+def _halved(joints: Joints, time: Array, failing: Flags) -> Joints | None:
     """Return joints with a knot in the middle of each failing span; None if one has few samples."""
-    knots = [joints.knots]
-    for k in np.flatnonzero(failing):
-        i, j = np.searchsorted(time, joints.knots[k : k + 2])
-        if j - i < 2 * _FEWEST:
-            return None
-        middle = (i + j) // 2
-        knots.append(np.array([0.5 * (time[middle - 1] + time[middle])]))
-    knots_after = np.sort(np.concatenate(knots))
-    kinked = np.zeros(knots_after.size, dtype=bool)
-    kinked[0], kinked[-1] = joints.kinked[0], joints.kinked[-1]
-    return replace(joints, knots=knots_after, kinked=kinked)
+    edges = np.searchsorted(time, joints.knots)
+    if np.any(np.diff(edges)[failing] < 2 * _FEWEST):
+        return None
+    middle = (edges[:-1] + edges[1:])[failing] // 2
+    at = np.flatnonzero(failing) + 1
+    knots = np.insert(joints.knots, at, 0.5 * (time[middle - 1] + time[middle]))
+    return replace(joints, knots=knots, kinked=np.insert(joints.kinked, at, False))

@@ -21,7 +21,7 @@ from qlvbayes.motion.bounds import (
     greedy_segments,
 )
 from qlvbayes.motion.errors import Errors, errors
-from qlvbayes.motion.sensor import clock_error, encoder_step, scatter_left, tolerance
+from qlvbayes.motion.sensor import clock_error, encoder_step, tolerance
 from qlvbayes.motion.splines import Stretch, at_ends
 from qlvbayes.motion.stretch import fitted
 
@@ -30,8 +30,6 @@ _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
 _JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolved
 _FREEDOM = 10  # readings in motion for each knot, at which residuals show errors
 _SAME = 1e-6  # of the largest: smaller jumps are rounding
-_TRIALS = 5  # fits at most, each with the scatter that the one before it left,
-_LESS = 0.7  # if that is less than so much of what was assumed
 
 
 @dataclass(frozen=True)
@@ -185,16 +183,15 @@ def smooth(
     x = np.asarray(displacement, dtype=np.float64)
     _check(t, x)
     step = encoder_step(x) if resolution is None else float(resolution)
-    for _ in range(_TRIALS):
-        tol = tolerance(t, x, step, scatter)
-        segments = greedy_segments(t, x, tol)
-        dwells = find_dwells(t, x, segments, tol)
-        parts = _stretches(t, x, segments, dwells, tol)
-        path = _joined(t, parts, dwells, tol)
-        scatter = scatter_left(x - path.displacement(t), x, path.knots.size, tol)
-        if scatter >= _LESS * tol.noise:
-            break
-    return _with_errors(t, x, path, parts, dwells, tol)
+    tol = tolerance(t, x, step, scatter)
+    segments = greedy_segments(t, x, tol)
+    dwells = find_dwells(t, x, segments, tol)
+    parts = _stretches(t, x, segments, dwells, tol)
+    path = _joined(t, parts, dwells, tol)
+    clock = _clock_sd(t, x, path)
+    found = errors(t, parts, dwells, tol, clock)
+    doubts = _unresolved(path, found)
+    return replace(path, error=found, unresolved=doubts, clock_sd=clock, read_at=t)
 
 
 def _check(time: Array, displacement: Array) -> None:
@@ -236,21 +233,6 @@ def _joined(t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolera
     return Trajectory(
         path.x, level, speed, 2.0 * bend, tol.step, np.array(higher[::-1]) if higher else None
     )
-
-
-def _with_errors(
-    t: Array,
-    x: Array,
-    path: Trajectory,
-    parts: list[Stretch],
-    dwells: list[DwellSpan],
-    tol: Tolerance,
-) -> Trajectory:
-    """Return the path with its errors, as far as the readings determine them."""
-    clock = _clock_sd(t, x, path)
-    found = errors(t, parts, dwells, tol, clock)
-    doubts = _unresolved(path, found)
-    return replace(path, error=found, unresolved=doubts, clock_sd=clock, read_at=t)
 
 
 def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
