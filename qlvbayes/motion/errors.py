@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from scipy.sparse import csr_array, dia_array, diags_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from qlvbayes.io.arrays import Array
@@ -169,22 +169,13 @@ def _repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
 
 def _derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
     """Return the matrix (n, coefficients) of derivatives of the B-splines."""
-    size = full.size - degree - 1
-    shift = None
-    for step in range(order):
-        k = degree - step
-        inner = full[step : full.size - step] if step else full
-        gap = inner[k + 1 : -1] - inner[1 : -k - 1]
-        weight = np.where(gap > 0.0, k / np.where(gap > 0.0, gap, 1.0), 0.0)
-        count = inner.size - k - 1
-        difference = dia_array(
-            (np.stack([np.append(-weight, 0.0), np.append(0.0, weight)]), [0, 1]),
-            shape=(count - 1, count),
-        ).tocsr()
-        shift = difference if shift is None else difference @ shift
-    inner = full[order : full.size - order] if order else full
-    basis = csr_array(BSpline.design_matrix(t, inner, degree - order))
-    return basis if shift is None else csr_array(basis @ shift[:, :size])
+    if order == 0:
+        return csr_array(BSpline.design_matrix(t, full, degree))
+    gap = full[degree + 1 : -1] - full[1 : -degree - 1]
+    weight = np.divide(degree, gap, out=np.zeros(gap.size), where=gap > 0.0)
+    shape = (gap.size, gap.size + 1)
+    differences = diags_array([-weight, weight], offsets=[0, 1], shape=shape)
+    return csr_array(_derivative(t, full[1:-1], degree - 1, order - 1) @ differences)
 
 
 def _quadratic_form(inverse: SuperLU, rows: csr_array) -> Array:
@@ -226,8 +217,8 @@ def _from_readings(
     """Return the sds (k,) by least squares; infinite where neither speed nor acceleration jumps."""
     rows, size = _jumps(stretch, basis.full)
     time, kept = stretch.window.time[basis.inside], basis.kept
-    variance = _variance_of_knots(stretch, basis.inside, tol)
-    variance = variance + (_speed(stretch, time) * clock) ** 2
+    of_clock = (stretch.pieces.derivative()(time) * clock) ** 2
+    variance = _variance_of_knots(stretch, basis.inside, tol) + of_clock
     free = basis.splines[:, kept]
     weight = basis.inverse.solve(rows[:, kept].T.toarray())  # (coefficients, knots)
     variances = np.sum((diags_array(np.sqrt(variance)) @ (free @ weight)) ** 2, axis=0)
@@ -283,10 +274,3 @@ def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
         for order in (path.derivative(1), path.derivative(2))
     )
     return rows, np.abs(np.where(joints.kinked, speed, rate))
-
-
-def _speed(stretch: Stretch, time: Array) -> Array:
-    """Return the speed (n,) at some times, from differences of the path."""
-    if time.size < 2:
-        return np.zeros(time.shape)
-    return np.abs(np.gradient(stretch.at(time), time))

@@ -73,7 +73,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     """Return the phases of a record: contiguous, in order of time, from its start to its end."""
     times, depth = _turning_points(trajectory)
     moves = _settled(_movements(times, depth, trajectory.resolution), times, trajectory)
-    moves = _turning(_from_the_start(moves, times, trajectory), times, trajectory)
+    moves = _from_the_start(moves, times, trajectory)
     phases: list[Phase] = []
     resting: Kind = "hold"
     at = float(times[0])
@@ -190,26 +190,6 @@ def _from_the_start(moves: list[Move], times: Array, trajectory: Trajectory) -> 
         still = np.all(_at_rest(trajectory, times[: first + 1]))
         late = not (still and dwell >= max(_SHARE * lasted, _WORTH * interval))
     return [(0, last, sign), *moves[1:]] if late else moves
-
-
-def _turning(moves: list[Move], times: Array, trajectory: Trajectory) -> list[Move]:
-    """Join opposite movements where they turn, unless the platen rested there for long."""
-    joined = moves[:1]
-    for first, last, sign in moves[1:]:
-        before, end, direction = joined[-1]
-        pause = times[first] - times[end]
-        shorter = min(times[end] - times[before], times[last] - times[first])
-        meeting = direction != sign and first > end and pause < _DWELL * shorter
-        between = times[end : first + 1]
-        if meeting and not np.any(_at_rest(trajectory, between)):
-            first = end + int(np.argmax(direction * trajectory.displacement(between)))
-            joined[-1] = (before, first, direction)
-        joined.append((first, last, sign))
-    if joined and not np.any(_at_rest(trajectory, times[joined[-1][1] :])):
-        first, last, sign = joined[-1]
-        if times[-1] - times[last] < _DWELL * (times[last] - times[first]):
-            joined[-1] = (first, times.size - 1, sign)
-    return joined
 
 
 def _at_rest(trajectory: Trajectory, times: Array) -> NDArray[np.bool_]:
