@@ -16,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.cli.console import err, out, table, waiting
-from qlvbayes.cli.options import AsJson, InputOptions, split_names, with_groups
-from qlvbayes.cli.settings import KEYS, StudySettings
+from qlvbayes.cli.options import AsJson, InputOptions, converted, split_names, with_groups
+from qlvbayes.cli.settings import StudySettings
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed, plain
 
@@ -110,32 +110,6 @@ def look(
         err.print(f"notice: left out: {error}")
     if refused:
         raise InputError(refused[-1])
-
-
-def converted(
-    files: Sequence[Path], settings: StudySettings, pads: tuple[str, ...] = ()
-) -> Conversion:
-    """Convert machines' files; on a terminal ask for what they leave open, as often as needed."""
-    from qlvbayes.io.conversion import convert
-    from qlvbayes.io.recording import UnsureError
-
-    asks = sys.stdin.isatty() and err.is_terminal
-    while True:
-        try:
-            with waiting("reading"):
-                found = convert(
-                    files, settings.answers(pads), settings.formats, without_faulty=True
-                )
-            unsure = next((one for one in found.faults if isinstance(one, UnsureError)), None)
-            if unsure is None or not asks:
-                return found
-        except UnsureError as error:
-            if not asks:
-                raise
-            unsure = error
-        err.print(str(unsure))
-        answer = typer.prompt(unsure.question, type=KEYS[unsure.option].kind, err=True)
-        settings = StudySettings(settings.values | {unsure.option: answer})
 
 
 def _make_tidy(inputs: InputOptions, output: Path, *, as_json: bool) -> None:

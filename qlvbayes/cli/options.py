@@ -5,7 +5,8 @@ What their help does not need is imported where it is used: a model takes second
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+import sys
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, is_dataclass
 from functools import cached_property, wraps
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from qlvbayes.cli.settings import FILE, StudySettings, expanded, help_lines
+from qlvbayes.cli.console import err, waiting
+from qlvbayes.cli.settings import FILE, KEYS, StudySettings, expanded, help_lines
 from qlvbayes.io.checks import InputError, meant
 from qlvbayes.io.runtime import cores
 from qlvbayes.io.wording import listed
@@ -24,6 +26,7 @@ from qlvbayes.parallel.engines import Engine, opened_engine
 from qlvbayes.parallel.running import Shard
 
 if TYPE_CHECKING:
+    from qlvbayes.io.conversion import Conversion
     from qlvbayes.pipeline.source import Source
 
 STYLE = "--style FILE: a Matplotlib style file (.mplstyle) for the figures, over the package's own."
@@ -192,7 +195,6 @@ class InputOptions:
 
     def source(self, part: Shard | None = None) -> Source:
         """Return the pads of the files; InputError on an unknown name in a single file."""
-        from qlvbayes.cli.look import converted
         from qlvbayes.pipeline.source import Source
 
         settings = self.chosen
@@ -252,3 +254,29 @@ def positive_values(option: str, text: str, example: str = "0.1,1,30") -> tuple[
     if not all(0.0 < x < float("inf") for x in values):
         raise InputError(f"{option} {text!r} are not numbers above 0", remedy=f"write {example!r}")
     return values
+
+
+def converted(
+    files: Sequence[Path], settings: StudySettings, pads: tuple[str, ...] = ()
+) -> Conversion:
+    """Convert machines' files; on a terminal ask for what they leave open, as often as needed."""
+    from qlvbayes.io.conversion import convert
+    from qlvbayes.io.recording import UnsureError
+
+    asks = sys.stdin.isatty() and err.is_terminal
+    while True:
+        try:
+            with waiting("reading"):
+                found = convert(
+                    files, settings.answers(pads), settings.formats, without_faulty=True
+                )
+            unsure = next((one for one in found.faults if isinstance(one, UnsureError)), None)
+            if unsure is None or not asks:
+                return found
+        except UnsureError as error:
+            if not asks:
+                raise
+            unsure = error
+        err.print(str(unsure))
+        answer = typer.prompt(unsure.question, type=KEYS[unsure.option].kind, err=True)
+        settings = StudySettings(settings.values | {unsure.option: answer})
