@@ -1,8 +1,12 @@
-"""The settings of a diagnosis: prior probabilities, thresholds, and the breadth of the search."""
+"""The settings of a diagnosis: every number that can move a verdict, with what it is.
+
+The features of the certainty (`certainty`) have two numbers of their own, which were learnt with.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from qlvbayes.inference.errors.features import UNDECIDED, DiscrepancyPrior
 from qlvbayes.inference.errors.scatter import UNDECIDED as SCATTER_UNDECIDED
@@ -18,71 +22,71 @@ _MOST_TOLERANCE = 0.5  # of the peak force, from which it is not a tolerance but
 class Breadth:
     """Breadth of the search for hypotheses and their modes; a broader search takes longer."""
 
-    starts: int = 4  # number of draws of all priors from which the baseline model is optimised
-    # a hypothesis is optimised from this many draws of the relaxation at once, until they lead no
-    # higher
-    draws: int = 6
-    # least number of quantiles of the prior of a new effect's shape at which its force is tried
-    shapes: int = 2
-    # small, large: amplitudes at which a new effect's force is tried, in sds of the amplitude's
-    # prior
-    small: float = 0.1
-    large: float = 1.5
-    # number of starts, those whose force promises most, from which a new effect is optimised. With
-    # one of them modes are missed (adhesion beside a load cell's creep).
-    optimised: int = 2
-    beam: int = 2  # largest number of hypotheses that are expanded at a time
-    # distance behind the best log posterior within which a hypothesis is expanded
-    near: float = 25.0
-    # number of neighbours, the most probable ones, that are also optimised from other relaxations
-    redrawn: int = 1
-    effects: int = 3  # largest number of effects that a hypothesis adds to the user's own
-    # number of effects, those that explained most elsewhere, by which each effect of the most
-    # probable hypothesis is replaced in turn where it leaves structure
-    substitutes: int = 3
-    # largest number of hypotheses that are evaluated. Where something unmodelled is there, very
-    # many fit alike.
-    hypotheses: int = 250
-    modes: int = 4  # largest number of modes of a hypothesis that are kept
-    # loss behind the best mode beyond which another mode adds nothing to the evidence (e^-15)
-    far: float = 15.0
-    # distance behind the best log posterior within which the evidence of a hypothesis is sampled
-    # (e^-7: a thousandth)
-    rival: float = 7.0
-    sampled: int = 12  # largest number of hypotheses whose evidence is sampled
+    starts: Annotated[int, "draws of the priors from which the plain model is optimised"] = 4
+    draws: Annotated[int, "draws of the relaxation at once, until they lead no higher"] = 6
+    shapes: Annotated[int, "values of a new effect's shape at which its force is tried"] = 2
+    small: Annotated[
+        float, "small size at which a new effect's force is tried, in sds of its prior"
+    ] = 0.1
+    large: Annotated[
+        float, "large size at which a new effect's force is tried, in sds of its prior"
+    ] = 1.5
+    # with one of them modes are missed (adhesion beside a load cell's creep)
+    optimised: Annotated[
+        int, "starts from which a new effect is optimised, the most promising ones"
+    ] = 2
+    beam: Annotated[int, "hypotheses whose neighbours are looked at together"] = 2
+    near: Annotated[
+        float, "log probability behind the best within which neighbours are looked at"
+    ] = 25.0
+    redrawn: Annotated[int, "neighbours that are also optimised from other relaxations"] = 1
+    effects: Annotated[int, "largest number of effects that a hypothesis adds"] = 3
+    # those that explained most elsewhere, where the best hypothesis leaves structure
+    substitutes: Annotated[
+        int, "effects by which each effect of the best hypothesis is replaced"
+    ] = 3
+    # where something unmodelled is there, very many fit alike
+    hypotheses: Annotated[int, "largest number of hypotheses"] = 250
+    modes: Annotated[int, "largest number of optima kept for a hypothesis"] = 4
+    # e^-15 adds nothing to the evidence, e^-7 a thousandth
+    far: Annotated[float, "log probability behind the best beyond which an optimum is dropped"] = (
+        15.0
+    )
+    rival: Annotated[float, "log probability behind the best within which evidence is sampled"] = (
+        7.0
+    )
+    sampled: Annotated[int, "largest number of hypotheses whose evidence is sampled"] = 12
 
 
 @dataclass(frozen=True)
 class CellTests:
     """Settings of the test for structure that is left in a cell, which is a phase of a test."""
 
-    curves: int = 4  # number of smooth curves that are tried in a cell
-    blocks: int = 3  # number of block means that each curve needs
-    # largest number of phases of one kind in a test that are cells by themselves. More of them, as
-    # in cycles, form one cell.
-    apart: int = 5
-    # number of curves by which the mean of such a cell may drift from cycle to cycle (2: a line and
-    # a parabola)
-    drifts: int = 2
-    draws: int = 12  # number of draws of the noise floor over which p-values are averaged
-    # the same where the kind of noise is in doubt: with 12 draws a p-value of 0.02 may come out as
-    # 1e-9
-    doubtful: int = 48
-    # p-value below which a cell, or one combination of its curves, stands out; what stands out is
-    # bounded with one minus this probability
-    level: float = 0.05
+    curves: Annotated[int, "smooth curves with which a phase is searched for systematic error"] = 4
+    blocks: Annotated[int, "averages of readings that each of these curves needs"] = 3
+    # more of them, as in cycles, form one cell
+    apart: Annotated[int, "phases of one kind in a test that are judged one by one"] = 5
+    drifts: Annotated[int, "curves by which their mean may drift from cycle to cycle"] = 2
+    draws: Annotated[int, "draws of the noise over which p-values are averaged"] = 12
+    # with 12 draws a p-value of 0.02 may come out as 1e-9
+    doubtful: Annotated[int, "the same where the kind of noise is in doubt"] = 48
+    # what stands out is bounded with one minus this probability
+    level: Annotated[float, "p-value below which a phase stands out"] = 0.05
 
 
 @dataclass(frozen=True)
 class Imitation:
     """Settings of the strengths of an effect in single tests."""
 
-    # largest, sizes: of the grid of their scatter, which goes up to twice the mean, from where on
-    # there is no common strength
-    largest: float = 2.0
-    sizes: int = 12
-    ranked: int = 4  # tests from which a trend of the strengths is looked for
-    rank: float = 0.8  # rank correlation from which strengths grow or fall with depth or speed
+    # twice the mean, from where on there is no common strength
+    largest: Annotated[float, "largest relative sd of one effect's strength between tests"] = 2.0
+    sizes: Annotated[
+        int, "number of relative sds of one effect's strength between tests that are tried"
+    ] = 12
+    ranked: Annotated[int, "tests from which a trend of the strengths is looked for"] = 4
+    rank: Annotated[
+        float, "rank correlation from which strengths grow or fall with depth or speed"
+    ] = 0.8
 
     @property
     def prior(self) -> ScatterPrior:
@@ -94,62 +98,63 @@ class Imitation:
 class DescriptionSettings:
     """Settings of the law that describes what no listed effect explains."""
 
-    shapes: int = 4  # quantiles of the prior of a term's shape at which its force is tried
-    # terms, those that promise most, that are fitted with all constants; 0: no law is looked for
-    fitted: int = 12
-    judged: int = 6  # of these, the best fits, whose predictions of tests left out are judged
-    # mean relative fall of the error on tests left out, in its standard errors, from which a term
-    # is kept: the best of a few is taken, and one standard error comes about by chance in a sixth
-    sds: float = 2.0
-    # share by which the error on tests left out must fall for each constant of a term
-    price: float = 0.05
+    shapes: Annotated[int, "shapes at which each term of a described law is tried"] = 4
+    # 0: no law is looked for
+    fitted: Annotated[int, "terms of a described law that are fitted with all constants"] = 12
+    judged: Annotated[int, "best of these whose predictions of tests left out are judged"] = 6
+    # the best of a few is taken, and one standard error comes about by chance in a sixth
+    sds: Annotated[float, "standard errors by which tests left out must be predicted better"] = 2.0
+    price: Annotated[float, "share by which their error must fall for each constant of the law"] = (
+        0.05
+    )
 
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """Prior probabilities, and probabilities and sizes from which the verdict says something."""
+    """Prior probabilities, and probabilities and sizes from which the verdict says something.
 
-    # prior probability that no (further) effect is missing, which applies anew after each effect.
-    # One half is undecided.
-    complete: float = 0.5
-    # prior probability that the elastic law is the one that was chosen, and likewise for the
-    # relaxation; all other laws share the rest alike. One half is undecided.
-    chosen_law: float = 0.5
-    # part of a family's prior probability that the candidate effect has; its other forms share the
-    # rest alike. One half is undecided.
-    candidate: float = 0.5
-    # inclusion probability from which an effect is named, and probability of one more effect from
-    # which a group is sought for it
-    named: float = 0.9
-    # certainty below which an effect is not named: a wrong name costs one and a half times as much
-    # as a missed one
-    confirmed: float = 0.6
-    # certainty of an effect that is measured in the records beyond doubt, at five sds and in two
-    # places: what is left to doubt is whether the list holds its cause
-    measured: float = 0.95
-    # probability, over all hypotheses and free curves among them, from which something is more
-    # likely there than not: an effect that is named, or something that no listed effect explains
-    likelier: float = 0.5
-    covered: float = 0.95  # probability with which a group must hold the missing effect
-    false_alarms: float = 0.001  # significance level of the adequacy test over all cells of a pad
-    # share of the peak force below which neither an effect nor structure matters
-    tolerance: float = TOLERANCE
+    A probability of one half is undecided.
+    """
+
+    # applies anew after each effect
+    complete: Annotated[float, "prior probability that no (further) effect is missing"] = 0.5
+    # all other laws share the rest alike
+    chosen_law: Annotated[
+        float, "prior probability of the elastic law that was chosen, and of the relaxation"
+    ] = 0.5
+    # its other forms share the rest alike
+    candidate: Annotated[
+        float, "share of an effect's prior probability that its first form has"
+    ] = 0.5
+    named: Annotated[float, "probability over all hypotheses from which an effect is named"] = 0.9
+    # a wrong name costs one and a half times as much as a missed one
+    confirmed: Annotated[float, "certainty by blind studies below which no effect is named"] = 0.6
+    # what is left to doubt is whether the list holds its cause
+    measured: Annotated[float, "certainty of an effect that the readings show beyond doubt"] = 0.95
+    likelier: Annotated[
+        float, "probability, free curves included, from which something is taken to be there"
+    ] = 0.5
+    covered: Annotated[float, "probability with which a group holds the missing effect"] = 0.95
+    false_alarms: Annotated[float, "probability that a right model is found to fail"] = 0.001
+    tolerance: Annotated[
+        float, "share of the peak force below which effects and errors do not matter"
+    ] = TOLERANCE
     breadth: Breadth = Breadth()
-    # prior of the discrepancy, which stands for everything that is not modelled
+    # of everything that is not modelled
     discrepancy: DiscrepancyPrior = UNDECIDED
-    # prior of the scatter of stiffness and strengths between tests
+    # of stiffness and strengths between tests
     scatter: ScatterPrior = SCATTER_UNDECIDED
-    # narrowest, widest: bounds of the factors by which the prior of an effect's amplitude is scaled
-    # to the user's motion. Without them, an effect that hardly acts in it would have to be
-    # enormous.
-    narrowest: float = 0.2
-    widest: float = 5.0
-    group: int = 3  # largest number of effects in a group: more is no answer
-    # share of the largest depth, or of the peak force, below which a test counts as having come
-    # back to zero
-    returned: float = NEARLY
-    cells: CellTests = CellTests()  # how structure is tested for
-    imitation: Imitation = Imitation()  # how strengths in single tests are told
+    # without bounds, an effect that hardly acts in the motion would have to be enormous
+    narrowest: Annotated[
+        float, "smallest factor by which the prior of an effect's size is fitted to the motion"
+    ] = 0.2
+    widest: Annotated[float, "largest factor by which it is"] = 5.0
+    group: Annotated[int, "largest number of effects in a group"] = 3  # more is no answer
+    returned: Annotated[
+        float, "share of depth or peak force below which a test has come back to zero"
+    ] = NEARLY
+    cells: CellTests = CellTests()
+    imitation: Imitation = Imitation()
     description: DescriptionSettings = DescriptionSettings()
 
     def __post_init__(self) -> None:

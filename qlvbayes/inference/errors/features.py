@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,24 +35,20 @@ _LEFT_OUT = 1e-3  # share of the largest variance that features may leave out an
 class DiscrepancyPrior:
     """The prior of a discrepancy before any test.
 
-    The smooth part changes over the lengths time (e-folds of the time since the phase began), depth
-    (share of the largest) and rate (e-folds of the loading rate). unloaded: its size at zero force
-    over that at the largest force.
+    The smooth part changes over the time since the phase began, the depth and the loading rate.
     """
 
-    none: float = 0.5  # prior probability that there is none, 0.5 as it is undecided
-    # smallest, largest: range of its size over the peak force, with ``sizes`` values, evenly spaced
-    # in the logarithm (noise hides anything below the smallest)
-    smallest: float = 3e-4
-    largest: float = 0.3
-    sizes: int = 19
-    # variance of the part that is independent from block to block over that of the smooth part. It
-    # is small because curves of soft bodies have few kinks.
-    rough: float = 0.1
-    time: float = 2.0
-    depth: float = 0.3
-    rate: float = 2.0
-    unloaded: float = 0.5
+    none: Annotated[float, "prior probability that the model leaves no systematic error"] = 0.5
+    # with ``sizes`` values, evenly spaced in the logarithm; noise hides anything below the smallest
+    smallest: Annotated[float, "smallest systematic error over the peak force"] = 3e-4
+    largest: Annotated[float, "largest systematic error over the peak force"] = 0.3
+    sizes: Annotated[int, "number of sizes of the systematic error that are tried"] = 19
+    # independent from block to block; small because curves of soft bodies have few kinks
+    rough: Annotated[float, "variance of its rough part over that of its smooth part"] = 0.1
+    time: Annotated[float, "e-folds of time over which it changes"] = 2.0
+    depth: Annotated[float, "share of the largest depth over which it changes"] = 0.3
+    rate: Annotated[float, "e-folds of the loading rate over which it changes"] = 2.0
+    unloaded: Annotated[float, "its size at zero force over that at the largest force"] = 0.5
 
     @property
     def shares(self) -> Array:

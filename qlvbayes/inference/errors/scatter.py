@@ -21,7 +21,7 @@ that the constants are those of least squares, and their spread by it is added w
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,15 @@ _SWEEPS = 3  # of coordinate descent, which ends in two
 class ScatterPrior:
     """The prior of the sizes of the scatter between tests, relative sds."""
 
-    none: float = 0.5  # prior probability that there is none, 0.5 as it is undecided
-    # smallest, largest: range of a size, with ``sizes`` values, evenly spaced in the logarithm
-    smallest: float = 0.01
-    largest: float = 0.5
-    sizes: int = 7
-    # size beyond which the prior falls, as specimens and rigs mostly repeat to a few per cent
-    typical: float = 0.05
+    none: Annotated[float, "prior probability of no scatter of stiffness and strengths"] = 0.5
+    # with ``sizes`` values, evenly spaced in the logarithm
+    smallest: Annotated[float, "smallest relative sd of stiffness and strengths"] = 0.01
+    largest: Annotated[float, "largest relative sd of stiffness and strengths"] = 0.5
+    sizes: Annotated[int, "number of relative sds of stiffness and strengths that are tried"] = 7
+    # specimens and rigs mostly repeat to a few per cent
+    typical: Annotated[
+        float, "relative sd of stiffness and strengths beyond which the prior falls"
+    ] = 0.05
 
     @property
     def grid(self) -> tuple[Array, Array]:
