@@ -59,6 +59,10 @@ class Families:
         """Return the effects of one family."""
         return [name for name, own in self.family_of.items() if own == family]
 
+    def relatives(self, effect: str) -> list[str]:
+        """Return every form of an effect."""
+        return self.members(self.family_of[effect])
+
     def forms_in(self, effects: Collection[str]) -> dict[str, str]:
         """Return the form in which each family is in a set of effects."""
         return {
@@ -88,32 +92,21 @@ def log_prior(
     families: Families,
     settings: DiagnosisSettings,
 ) -> float:
-    r"""Return the log prior probability of a hypothesis."""
-    added = hypothesis.effects - baseline.effects
-    total = _log_prior_of_set(added, baseline.effects, families, settings)
-    pairs = (
-        (hypothesis.elastic, baseline.elastic, laws[0]),
-        (hypothesis.relaxation, baseline.relaxation, laws[1]),
-    )
-    for law, chosen, known in pairs:
+    """Return the log prior probability of a hypothesis: of its laws and its added effects."""
+    total = _log_prior_of_set(hypothesis, baseline, families, settings)
+    for law, chosen, known in zip(hypothesis.base, baseline.base, laws, strict=True):
         if len(known) > 1:
-            share = (
-                settings.chosen_law
-                if law == chosen
-                else (1.0 - settings.chosen_law) / (len(known) - 1)
-            )
-            total += math.log(share)
+            others = (1.0 - settings.chosen_law) / (len(known) - 1)
+            total += math.log(settings.chosen_law if law == chosen else others)
     return total
 
 
 def _log_prior_of_set(
-    added: Collection[str],
-    baseline: Collection[str],
-    families: Families,
-    settings: DiagnosisSettings,
+    hypothesis: Hypothesis, baseline: Hypothesis, families: Families, settings: DiagnosisSettings
 ) -> float:
-    """Return the log prior probability of a set of added effects."""
-    taken = {families.family_of[name] for name in baseline}
+    """Return the log prior probability of the effects that a hypothesis adds."""
+    added = hypothesis.effects - baseline.effects
+    taken = {families.family_of[name] for name in baseline.effects}
     chosen = {families.family_of[name] for name in added}
     if len(chosen) < len(added) or chosen & taken:
         return -math.inf

@@ -230,7 +230,7 @@ class Search:
 
     def neighbours(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """Return the hypotheses with another law, or one candidate effect more or less."""
-        space, added = self.density.space, self.added(hypothesis)
+        space, added, nameable = self.density.space, self.added(hypothesis), self.families.nameable
         elastic = space.elastic if self._leaves_structure(hypothesis) else self.nameable_laws
         some = [replace(hypothesis, elastic=name) for name in elastic]
         some += [replace(hypothesis, relaxation=name) for name in space.relaxation]
@@ -240,12 +240,12 @@ class Search:
         )
         if len(added) < self.breadth.effects and not grown:
             more = set(self.families.addable(hypothesis.effects))
-            some += [hypothesis.plus(name) for name in self.families.nameable if name in more]
+            some += [hypothesis.plus(name) for name in nameable if name in more]
         for name in added:
             less = hypothesis.less(name)
             some += [
                 less,
-                *(less.plus(own) for own in self._relatives(name) if self._is_nameable(own)),
+                *(less.plus(own) for own in self.families.relatives(name) if own in nameable),
             ]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
 
@@ -259,7 +259,7 @@ class Search:
         some = [
             hypothesis.less(name).plus(own)
             for name in (self.added(hypothesis) if effects is None else sorted(effects))
-            for own in self._relatives(name)
+            for own in self.families.relatives(name)
         ]
         return [one for one in dict.fromkeys(some) if one != hypothesis]
 
@@ -268,7 +268,7 @@ class Search:
         if len(self.added(hypothesis)) >= self.breadth.effects:
             return []
         more = self.families.addable(hypothesis.effects)
-        return [hypothesis.plus(name) for name in more if not self._is_nameable(name)]
+        return [hypothesis.plus(name) for name in more if name not in self.families.nameable]
 
     def substitutions(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """Return the hypotheses with one effect replaced by another one."""
@@ -287,13 +287,6 @@ class Search:
         having = [(one, log) for one, log in logs.items() if effect in one.effects]
         gains = [log - logs[less] for one, log in having if (less := one.less(effect)) in logs]
         return max(gains, default=-math.inf)
-
-    def _relatives(self, effect: str) -> list[str]:
-        """Return every form of an effect."""
-        return self.families.members(self.families.family_of[effect])
-
-    def _is_nameable(self, effect: str) -> bool:
-        return effect in self.families.nameable
 
     def _leaves_structure(self, hypothesis: Hypothesis) -> bool:
         """Return whether a hypothesis leaves more than noise at its highest mode."""
@@ -372,7 +365,7 @@ class Search:
     def _keep_each(
         self, look: Callable[[Hypothesis], list[Candidate]], some: Sequence[Hypothesis]
     ) -> None:
-        """Look for candidates of hypotheses in parallel, and keep them in their order."""
+        """Look for candidates of hypotheses in parallel, and keep them in order."""
         for hypothesis, new in zip(some, in_threads(look, some), strict=True):
             self.keep(hypothesis, new)
 

@@ -57,7 +57,6 @@ def within_names(names):
 
 
 MEASURED = {"drag": 0.9, "adhesion": 0.1, "adhesion drag": 1e-6}
-BESIDE_REFUSED = {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}
 
 
 @pytest.mark.parametrize(
@@ -78,8 +77,6 @@ BESIDE_REFUSED = {"drag film lag": 0.98, "drag": 0.0195, "drag lag": 0.0005}
         (required("adhesion"), MEASURED, "missing_effect", "adhesion", ""),
         (required("inertia"), MEASURED, "missing_effect", "drag", ""),
         # what is likely only beside a refused effect is not named, nor anything in its place
-        (decide, BESIDE_REFUSED, "missing_effect", "drag film lag", ""),
-        (within_names("drag lag"), BESIDE_REFUSED, "missing_effect", "drag", ""),
         (within_names(""), {"film": 0.9, "lag": 0.06, "": 0.04}, "adequate", "", ""),
     ],
 )  # fmt: skip
@@ -156,15 +153,36 @@ def test_a_group_keeps_members_of_little_certainty_and_loses_those_that_predict_
     assert list(refusals(decision, worse, DiagnosisSettings())) == ["drag"]
 
 
-def test_what_is_named_only_after_a_veto_says_how_likely_it_is_over_all():
+def over_all(weights):
+    inclusion = decide(weights).inclusion.__getitem__
+    return SimpleNamespace(
+        inclusion=inclusion, search=SimpleNamespace(settings=DiagnosisSettings())
+    )
+
+
+def test_what_lacks_support_is_refused_and_what_stays_says_how_likely_it_is_over_all():
+    """The support of what stays is measured anew, in the hypothesis that is left."""
+    table = {"drag film lag": 0.5, "drag film": 0.45, "film": 0.02, "drag": 0.0295, "": 0.0005}
+    weights, measured = [weight(names, p) for names, p in table.items()], []
+    ranking = [ranked("drag"), ranked("film", certainty=0.3), ranked("lag", certainty=0.2)]
+
+    def supported(one, index):
+        measured.append((one.effect, weights[index].effects))
+        return one
+
+    found, told = decide_with_support(
+        weights, ranking, DiagnosisSettings(), adequate=lambda index: True, supported=supported
+    )
+    assert (found.verdict, found.effects) == ("missing_effect", ("drag",))
+    assert list(found.refused) == ["film"]
+    assert measured == [("drag", {"drag"})]
+    assert list(told) == ranking
+    assert not unlikely_over_all(over_all(weights), found)
     free = Weight(("spline", "prony:2"), frozenset({"drag"}), 0.0, 0.0, nameable=False)
     weights = [free, weight("drag film", 1e-9), weight("drag", 1e-13)]
-    outcome = SimpleNamespace(
-        experiment=SimpleNamespace(pad="C"), inclusion=decide(weights).inclusion.__getitem__,
-        search=SimpleNamespace(settings=DiagnosisSettings()),
-    )  # fmt: skip
-    assert len(unlikely_over_all(outcome, decide(ignore_unmodelled(weights)))) == 1
-    assert not unlikely_over_all(outcome, decide(weights))
+    inside = decide(ignore_unmodelled(weights))
+    (notice,) = unlikely_over_all(over_all(weights), inside)
+    assert notice.startswith("film is named after")
 
 
 def test_the_base_told_is_likely_without_what_is_refused():
