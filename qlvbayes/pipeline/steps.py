@@ -21,8 +21,7 @@ from msgspec.structs import replace
 from qlvbayes.diagnosis.diagnose import SearchProgress, diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.diagnosis.summary.curves import discrepancy
-from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.diagnosis import Diagnosis, discrepancy
 from qlvbayes.fitting.ensemble import Progress, Settings, remove_chain
 from qlvbayes.fitting.fit import SAMPLERS, fit_pad, independent_noise, to_arviz
 from qlvbayes.fitting.relaxation import relaxation_report

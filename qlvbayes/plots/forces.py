@@ -17,8 +17,7 @@ from scipy.special import ndtri
 
 from qlvbayes.diagnosis.phrases import model_name
 from qlvbayes.diagnosis.result import DiagnosisResult
-from qlvbayes.diagnosis.summary.curves import Curve, curves
-from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.diagnosis import Curve, Diagnosis, curves
 from qlvbayes.fitting.prediction import Prediction
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.motion.experiment import Trial

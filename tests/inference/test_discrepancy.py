@@ -9,8 +9,7 @@ from support.hidden_pads import hidden_pad
 
 from qlvbayes.diagnosis.checks.samples import Samples
 from qlvbayes.diagnosis.searchsetup import build_search
-from qlvbayes.diagnosis.summary.curves import discrepancy
-from qlvbayes.diagnosis.summary.diagnosis import DiagnosisWork
+from qlvbayes.diagnosis.summary.diagnosis import DiagnosisWork, discrepancy
 from qlvbayes.inference.errors.features import DiscrepancyPrior, Features, Locations, covariance
 
 SHARE = 1e-3  # of the variance, that features may leave out

@@ -23,8 +23,7 @@ from qlvbayes.diagnosis.result import (
     Worst,
 )
 from qlvbayes.diagnosis.settings import DiagnosisSettings
-from qlvbayes.diagnosis.summary.curves import Curve, ForceBand, curves
-from qlvbayes.diagnosis.summary.diagnosis import Diagnosis
+from qlvbayes.diagnosis.summary.diagnosis import Curve, Diagnosis, ForceBand, curves
 from qlvbayes.effects.catalogue import names
 from qlvbayes.io.units import STRAIN
 from qlvbayes.plots import forces

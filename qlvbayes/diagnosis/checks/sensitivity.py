@@ -12,7 +12,6 @@ from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import Excluded, ParameterBias
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.inference.forward.hypothesis import Amplitude, Parameters
 from qlvbayes.inference.starts import amplitude_of, shapes
 from qlvbayes.io.arrays import Array
 
@@ -30,7 +29,7 @@ class Response:
     effect: str
     amplitude: str
     size: float  # the prior sd of the amplitude
-    # total, information: squared norm of the whitened force before and after that
+    # total, information: squared norm of the whitened force before and after the constants follow
     total: float
     information: float
     shift: Array  # change (F,) of the free parameters that takes the rest
@@ -43,37 +42,26 @@ class Response:
 
 def responses(search: Search, baseline: Candidate) -> list[Response]:
     """Return the response to each candidate effect, at the shape that shows best."""
-    best = []
+    density, point, best = search.density, baseline.point, []
+    jacobian = point.jacobian
+    curvature = jacobian @ jacobian.T + point.prior.curvature
     for name in search.families.nameable:
         if name in baseline.hypothesis.effects:
             continue
-        hypothesis = baseline.hypothesis.plus(name)
-        own = search.density.space.parameters(hypothesis)
+        own = density.space.parameters(baseline.hypothesis.plus(name))
         amplitude = amplitude_of(own, name)
-        if amplitude is not None:
-            starts = shapes(search.density.space, baseline.point, own, name)
-            some = [_response(search, baseline, own, name, amplitude, start) for start in starts]
-            best.append(max(some, key=lambda one: one.evidence))
+        if amplitude is None:
+            continue
+        constant, size, some = own.names[amplitude.constant], amplitude.sd, []
+        for start in shapes(density.space, point, own, name):
+            force = density.space.added_force(own.hypothesis, start, amplitude.number, size)
+            change = np.nan_to_num(density.whitener(force[None])[0])
+            shift = np.linalg.solve(curvature, jacobian @ change)
+            total = float(change @ change)
+            information = max(float(change @ change - (jacobian @ change) @ shift), 0.0)
+            some.append(Response(name, constant, size, total, information, shift))
+        best.append(max(some, key=lambda one: one.evidence))
     return best
-
-
-def _response(
-    search: Search,
-    baseline: Candidate,
-    own: Parameters,
-    name: str,
-    amplitude: Amplitude,
-    start: Array,
-) -> Response:
-    """Return the response to one effect that starts from free parameters ``start`` (F,)."""
-    density, size = search.density, amplitude.sd
-    force = density.space.added_force(own.hypothesis, start, amplitude.number, size)
-    change = np.nan_to_num(density.whitener(force[None])[0])
-    jacobian, prior = baseline.point.jacobian, baseline.point.prior.curvature
-    shift = np.linalg.solve(jacobian @ jacobian.T + prior, jacobian @ change)
-    information = max(float(change @ change - (jacobian @ change) @ shift), 0.0)
-    total = float(change @ change)
-    return Response(name, own.names[amplitude.constant], size, total, information, shift)
 
 
 def unseen(some: Sequence[Response], search: Search, protocol: Protocol) -> list[Excluded]:
