@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation, is_meant
-from qlvbayes.diagnosis.nexttest.design import Design
-from qlvbayes.diagnosis.nexttest.information import Readings
+from qlvbayes.diagnosis.nexttest.design import Design, Readings
 from qlvbayes.diagnosis.nexttest.planning import Goal, NextTests, plan_tests
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import DiagnosisResult

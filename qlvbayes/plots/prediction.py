@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from qlvbayes.diagnosis.nexttest.belief import Belief
-from qlvbayes.diagnosis.nexttest.information import Readings
+from qlvbayes.diagnosis.nexttest.design import Readings
 from qlvbayes.diagnosis.nexttest.planning import NextTests, Proposed
 from qlvbayes.plots.style import (
     BLACK,

@@ -11,8 +11,8 @@ from support.exported_pad import write_fit
 
 from qlvbayes import InputError
 from qlvbayes.diagnosis.candidate import candidate_at
-from qlvbayes.diagnosis.nexttest.design import Design
-from qlvbayes.diagnosis.nexttest.information import Readings, screen
+from qlvbayes.diagnosis.nexttest.belief import screen
+from qlvbayes.diagnosis.nexttest.design import Design, Readings
 from qlvbayes.diagnosis.nexttest.planning import equal_belief, suggest
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.sensors import ForceDrift, ForceOffset
@@ -60,7 +60,7 @@ def test_the_command_leaves_a_plan_that_can_be_run(fitted):
         (("--minutes", "-1"), "--minutes is -1; give it above 0"),
         (("--limits", "depth=0"), "--limits depth '0' are not numbers above 0"),
         (("--limits", "depth=1e-3"), "a depth of at most 0.001 mm, where the tests had"),
-        (("--data", "nowhere.csv"), "nowhere.csv: no such file"),
+        (("--data", "nowhere.csv"), "nowhere.csv: the measurements are no longer here"),
     ],
 )
 def test_bad_input_is_one_line(fitted, words, says):

@@ -10,9 +10,8 @@ from scipy.stats import multivariate_normal, norm
 from support.savedfit import REACH, saved
 
 from qlvbayes import InputError, predict_program
-from qlvbayes.diagnosis.nexttest.belief import STEP, Belief, Explanation
-from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, Rig, draw_designs
-from qlvbayes.diagnosis.nexttest.information import Products, Readings, between, screen
+from qlvbayes.diagnosis.nexttest.belief import STEP, Belief, Explanation, Products, between, screen
+from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, Readings, Rig, draw_designs
 from qlvbayes.diagnosis.nexttest.planning import Goal, plan_tests
 from qlvbayes.diagnosis.prior import Families
 from qlvbayes.effects.catalogue import EVERY

@@ -10,9 +10,8 @@ import numpy as np
 from msgspec import structs
 
 from qlvbayes.diagnosis.candidate import Candidate, described
-from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation
-from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, Rig, draw_designs
-from qlvbayes.diagnosis.nexttest.information import Products, Readings, between, screen
+from qlvbayes.diagnosis.nexttest.belief import Belief, Explanation, Products, between, screen
+from qlvbayes.diagnosis.nexttest.design import LEAST_WAIT, Design, Readings, Rig, draw_designs
 from qlvbayes.diagnosis.result import Suggestion
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
