@@ -21,7 +21,8 @@ def told(settings: object) -> Iterator[tuple[str, str, float]]:
     for field in fields(settings):
         value = getattr(settings, field.name)
         if is_dataclass(value):
-            yield from ((f"{field.name}.{name}", *rest) for name, *rest in told(value))
+            for name, words, number in told(value):
+                yield f"{field.name}.{name}", words, number
         else:
             (words,) = hints[field.name].__metadata__
             yield field.name, words, value
