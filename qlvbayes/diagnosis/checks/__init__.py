@@ -1,1 +1,1 @@
-"""Checks of hypotheses against the tests: structure that is left, tests left out, vetoes."""
+"""Checks of hypotheses against the tests: structure that is left, tests left out, support."""
