@@ -126,7 +126,7 @@ def without_comments(code):
 def test_every_target_has_the_same_code_whatever_the_name(tmp_path, monkeypatch):
     monkeypatch.setattr("qlvbayes.use.exports.code._binary", lambda sources: None)
     pad = exported(tmp_path)
-    hostile = replace(pad, name="x".join(PARTS), source="a*/ int x; /*".join(PARTS))
+    hostile = replace(pad, pad="x".join(PARTS), source="a*/ int x; /*".join(PARTS))
     lines = in_comment(card(hostile, CHeader))
     assert not re.search(r"/\*|\*/|--", "\n".join(lines))
     assert len(commented(lines, "%").splitlines()) == len(lines)
@@ -137,7 +137,7 @@ def test_every_target_has_the_same_code_whatever_the_name(tmp_path, monkeypatch)
             if name.endswith((".xml", ".feb", ".sdf")):
                 ElementTree.fromstring(content)
             elif name.endswith(".json"):
-                assert json.loads(content)["pad"] == hostile.name
+                assert json.loads(content)["pad"] == hostile.pad
             elif name.endswith((".h", ".c")):
                 plain = target().files(pad, Geometry(10.0, 200.0))[name].decode()
                 assert without_comments(content.decode()) == without_comments(plain)
