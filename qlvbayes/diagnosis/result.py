@@ -416,7 +416,7 @@ class DiagnosisResult(
         return self.stages[-1].effects
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def in_verdict(self) -> tuple[str, ...]:
         """Effects that the verdict speaks of: those named, and a group of which one is there."""
         return tuple(dict.fromkeys((*self.effects, *self.group)))
 
@@ -428,7 +428,7 @@ class DiagnosisResult(
     @property
     def strengths(self) -> dict[str, Strengths]:
         """Strengths of each named effect that differ between tests, by its name."""
-        named = map(self.ranked, self.told)
+        named = map(self.ranked, self.in_verdict)
         own = {one.effect: one.support.strengths for one in named if one and one.support}
         return {name: one for name, one in own.items() if one is not None and one.spread > 0.0}
 

@@ -1,4 +1,4 @@
-"""What a pad's tests do to each other and to a model's assumptions: carryover, and pulls."""
+"""Effects of a pad's tests on each other and on a model's assumptions: carryover, pulls."""
 
 from __future__ import annotations
 

@@ -45,8 +45,8 @@ def answers(results: Results, remedies: dict[str, str]) -> list[tuple[str, str, 
         differ = ["There is only one pad here."]
     undone = f"not diagnosed yet: {remedies['diagnose']}"
 
-    def of_each(told: Callable[[PadResults], str]) -> list[str]:
-        return [f"{capitalized(pad.title)}: {told(pad)}" for pad in results.pads]
+    def of_each(words: Callable[[PadResults], str]) -> list[str]:
+        return [f"{capitalized(pad.title)}: {words(pad)}" for pad in results.pads]
 
     return [
         (

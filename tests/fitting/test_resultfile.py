@@ -30,7 +30,7 @@ from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.priors import LogNormal
 from qlvbayes.report.firstlook import FirstLook
-from qlvbayes.report.settings import told
+from qlvbayes.report.settings import in_words
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 KINDS = {
@@ -187,6 +187,6 @@ def test_a_record_is_not_changed_once_it_is_made():
 
 
 def test_every_setting_of_the_diagnosis_has_its_words_in_the_report():
-    every = list(told(DiagnosisSettings()))
+    every = list(in_words(DiagnosisSettings()))
     assert all(words for _, words, _ in every)
     assert len({name for name, _, _ in every}) == len(every) <= 60  # that can move a verdict

@@ -37,7 +37,7 @@ PLACEHOLDERS = Typed()
 
 
 class Work(Protocol):
-    """What the words need of a diagnosis beside its result."""
+    """A finished diagnosis, of which the words use more than its result."""
 
     @property
     def experiment(self) -> Experiment:

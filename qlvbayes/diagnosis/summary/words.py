@@ -80,7 +80,7 @@ def _measured(d: DiagnosisResult, work: Work) -> list[str]:
 
 def _certainty(d: DiagnosisResult) -> list[str]:
     """Return how often effects with such evidence were there in blind studies."""
-    ranked = [one for name in d.told if (one := d.ranked(name))]
+    ranked = [one for name in d.in_verdict if (one := d.ranked(name))]
     rated = [(one.effect, one.certainty) for one in ranked if one.certainty is not None]
     if not rated:
         return []
@@ -99,7 +99,7 @@ def _certainty(d: DiagnosisResult) -> list[str]:
 def _strengths(d: DiagnosisResult) -> list[str]:
     """Return how much of the error each named effect removes, and how its strength differs."""
     text = []
-    for name in d.told:
+    for name in d.in_verdict:
         own = ranked.support if (ranked := d.ranked(name)) else None
         if own is None:
             continue
@@ -138,7 +138,7 @@ def _where(d: DiagnosisResult) -> str:
 
 def _runner_up(d: DiagnosisResult) -> list[str]:
     """Return the most probable effect that is not named, of those that the tests could show."""
-    taken = {*d.tried, *d.told, "none", *(one.effect for one in d.not_identifiable)}
+    taken = {*d.tried, *d.in_verdict, "none", *(one.effect for one in d.not_identifiable)}
     taken |= {kind.family() for kind in FORMS if kind.name in taken}  # named through a form
     rival = next((r for r in d.ranking if r.effect not in taken), None)
     if rival is None:
@@ -146,13 +146,13 @@ def _runner_up(d: DiagnosisResult) -> list[str]:
     without, with_it = (force_words(d, rmse) for rmse in (d.stages[-1].rmse, rival.rmse))
     same = f"leave the error at {without}"
     change = same if without == with_it else f"change the error from {without} to {with_it}"
-    more, beside = 0 if rival.support is None else rival.support.effects - len(d.tried) - 1, ""
+    more, company = 0 if rival.support is None else rival.support.effects - len(d.tried) - 1, ""
     if more > 0:
         count = "one more effect" if more == 1 else f"{more} more effects"
-        beside = f" with {count}, as in its likeliest hypothesis,"
+        company = f" with {count}, as in its likeliest hypothesis,"
     return [
         f"Of the effects that are not named, but that these tests can show, {rival.effect} is the "
-        f"likeliest ({percent(rival.inclusion)}); to add it{beside} would {change}."
+        f"likeliest ({percent(rival.inclusion)}); to add it{company} would {change}."
     ]
 
 
@@ -223,7 +223,7 @@ def _refused(d: DiagnosisResult) -> list[str]:
         for one in d.refused
     ]
     names = [one.effect for one in d.refused]
-    known = {"none", *d.told, *names}
+    known = {"none", *d.in_verdict, *names}
     likely = [one.effect for one in d.ranking if one.inclusion >= _SURE and one.effect not in known]
     if names and likely:
         others = joined(names, "or")
