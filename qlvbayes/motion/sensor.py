@@ -32,6 +32,7 @@ _UNDONE = 8  # changes undone that show a scatter
 _MOSTLY = 0.3  # of the pairs of small changes,
 _OFTEN = 0.1  # or so many of them
 _AT_ONCE = 2  # readings later at most
+_PER_KNOT = 2.5  # numbers that a path takes from the readings for each of its knots
 _WINDOWS = (8, 16)  # readings through which a parabola goes: rounding of fewer may fit it or not
 _FEWEST_WINDOWS = 12  # that move: their median variance is then known to a fifth
 _ALSO_LONGER = 1.3  # ratio of variances about longer and shorter parabolas that are both scatter
@@ -254,6 +255,18 @@ def _about_parabolas(time: Array, displacement: Array, step: float, count: int) 
     off = x - x[:, :1]
     rest = off - (basis @ (basis.transpose(0, 2, 1) @ off[..., None]))[..., 0]
     return float(np.median(np.sum(rest**2, axis=1))) / (count - 3)
+
+
+def scatter_left(residual: Array, displacement: Array, knots: int, tol: Tolerance) -> float:
+    """Return the sd of the scatter about a fitted path; infinite where it is not determined."""
+    freedom = residual.size - _PER_KNOT * knots
+    if tol.noise == 0.0 or freedom < 0.5 * residual.size:
+        return np.inf
+    size = np.abs(residual)
+    left = min(_trimmed_sd(size, _QUIET), float(np.sqrt(np.mean(size**2))))
+    left *= float(np.sqrt(residual.size / freedom))
+    beyond = float(np.sqrt(max(left**2 - tol.step**2 / 12.0, 0.0)))
+    return max(beyond, dither(displacement, tol.step))
 
 
 def dither(displacement: Array, step: float) -> float:

@@ -21,7 +21,7 @@ from qlvbayes.motion.bounds import (
     greedy_segments,
 )
 from qlvbayes.motion.errors import Errors, errors
-from qlvbayes.motion.sensor import clock_error, encoder_step, tolerance
+from qlvbayes.motion.sensor import clock_error, encoder_step, scatter_left, tolerance
 from qlvbayes.motion.splines import Stretch, at_ends
 from qlvbayes.motion.stretch import fitted
 
@@ -30,6 +30,8 @@ _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
 _JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolved
 _FREEDOM = 10  # readings in motion for each knot, at which residuals show errors
 _SAME = 1e-6  # of the largest: smaller jumps are rounding
+_TRIALS = 5  # fits at most, each with the scatter that the one before it left,
+_LESS = 0.7  # if that is less than so much of what was assumed
 
 
 @dataclass(frozen=True)
@@ -183,11 +185,15 @@ def smooth(
     x = np.asarray(displacement, dtype=np.float64)
     _check(t, x)
     step = encoder_step(x) if resolution is None else float(resolution)
-    tol = tolerance(t, x, step, scatter)
-    segments = greedy_segments(t, x, tol)
-    dwells = find_dwells(t, x, segments, tol)
-    parts = _stretches(t, x, segments, dwells, tol)
-    path = _joined(t, parts, dwells, tol)
+    for _ in range(_TRIALS):
+        tol = tolerance(t, x, step, scatter)
+        segments = greedy_segments(t, x, tol)
+        dwells = find_dwells(t, x, segments, tol)
+        parts = _stretches(t, x, segments, dwells, tol)
+        path = _joined(t, parts, dwells, tol)
+        scatter = scatter_left(x - path.displacement(t), x, path.knots.size, tol)
+        if scatter >= _LESS * tol.noise:
+            break
     clock = _clock_sd(t, x, path)
     found = errors(t, parts, dwells, tol, clock)
     doubts = _unresolved(path, found)
