@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes import xp
-from qlvbayes.laws.elastic.law import AbstractElastic, Rise
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.recursion import add_modes
 from qlvbayes.laws.relaxation.law import AbstractRelaxation
 from qlvbayes.pytree import Pytree

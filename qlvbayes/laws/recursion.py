@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from qlvbayes import xp
 from qlvbayes.io.arrays import Array
-from qlvbayes.laws.elastic.law import Rise
+from qlvbayes.laws.elastic.steps import Rise
 
 
 def add_modes(

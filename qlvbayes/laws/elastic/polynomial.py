@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Self
 
 from qlvbayes import xp
-from qlvbayes.laws.elastic.law import AbstractElastic, Rise
+from qlvbayes.laws.elastic.law import AbstractElastic
+from qlvbayes.laws.elastic.steps import Rise
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.priors import Normal
 from qlvbayes.priors.distributions import Constant
