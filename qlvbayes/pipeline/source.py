@@ -288,9 +288,10 @@ def read_again(source: str, sha256: str, data: Path | None = None) -> Measuremen
     file, remedy = Path(source), "say where they are with --data FILE"
     if data is not None:
         file = data / file.name if data.is_dir() else data
+    if not file.name:  # of draws that were made elsewhere
+        raise InputError("a posterior does not say where its measurements are", remedy=remedy)
     if not file.is_file():
-        where = file if file.name else None  # of results that do not say where they were
-        raise InputError("the measurements are no longer here", file=where, remedy=remedy)
+        raise InputError("the measurements are no longer here", file=file, remedy=remedy)
     study = read_measurements(file)
     if sha256 not in ("", study.sha256):
         what, remedy = "the file has changed since the fit", "run qlvbayes fit again"
