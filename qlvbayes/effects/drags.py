@@ -71,7 +71,7 @@ and 7 % at 0.9. Towards 0 it stays apart from friction, which does not end in a 
 class PowerLawDrag(AbstractPointwise):
     """Drag that grows more slowly than speed: F = F_below + k abs(v)^n sgn v, v in mm/s."""
 
-    k: Constant = constant("power_drag", "drag at 1 mm/s (N^n), zero or more")
+    k: Constant = constant("power_drag", "drag at 1 mm/s, zero or more")
     n: Constant = constant("fraction", "exponent, above 0 and below 1, where 1 is viscous drag")
     name = "power_law_drag"
     level = Level.ADDING
