@@ -115,6 +115,11 @@ class Discrepancy:
         """Return the whitened features (M, n)."""
         return self.whitener(self.features)
 
+    @cached_property
+    def block_features(self) -> Array:
+        """Return the features (M, n) at the blocks that count, not whitened; all points share it."""
+        return self.whitener.flattened(self.features)
+
     def separated(
         self,
         responses: Array,
@@ -127,8 +132,7 @@ class Discrepancy:
         counted = responses if len(self.features) else responses[:0]
         if self.scatter is None:
             parts, scatter = None, NONE
-        smooth = self.whitener.flattened(self.features)
-        own = self.whitener, smooth, counted, lengths[: len(counted)], parts
+        own = self.whitener, self.block_features, counted, lengths[: len(counted)], parts
         return Separation(*own, scatter, errors)
 
     def at(self, size: float, separation: Separation | None = None) -> DiscrepancyOfSize:
