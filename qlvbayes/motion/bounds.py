@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from qlvbayes.io.arrays import Array
+from qlvbayes.io.wording import plain
 
 _UNSEEN = 0.3  # of the bound on each residual: their root mean square in an exact record
+_RESOLUTIONS = 2.0  # as far from its readings as a motion may be, but for their scatter
 _TINY = 1e-300  # for a platen that never moves
 _FIT_SAMPLES = 200  # a quadratic needs no more samples than this
 _FEWEST_IN_DWELL = 5
@@ -49,6 +51,11 @@ class Tolerance:
         known = self.step**2 / 12.0 + self.noise**2
         return max(known, (_UNSEEN * self.sample) ** 2 if known == 0.0 else 0.0)
 
+    @property
+    def resolution(self) -> float:
+        """Largest of the encoder step, the scatter's sd and the floor."""
+        return max(self.step, self.noise, self.floor)
+
     def run(self, length: int) -> float:
         """Return the largest allowed mean of this many neighbouring residuals."""
         return max(0.5 * self.step + self.spread / float(np.sqrt(length)), self.floor)
@@ -72,6 +79,42 @@ def runs(residual: Array, tol: Tolerance) -> Iterator[tuple[int, Array]]:
     while length <= residual.size:
         yield length, np.abs(sums[length:] - sums[:-length]) / length
         length *= 2
+
+
+@dataclass(frozen=True)
+class Departure:
+    """The largest deviation of a motion from its readings, beyond what their errors explain."""
+
+    time: float
+    # distance, explained: in units of displacement, of the mean of so many neighbouring
+    # ``readings`` about that time
+    distance: float
+    explained: float
+    readings: int = 1
+
+    def notice(self, test: str, unit: str) -> str:
+        """Describe the deviation in a sentence."""
+        those = "reading" if self.readings == 1 else f"mean of {self.readings} readings"
+        return (
+            f"test {test}: the fitted motion is {plain(self.distance)} {unit} from the {those} at "
+            f"{self.time:.6g} s, where scatter and resolution explain "
+            f"{plain(self.explained, 2)} {unit}; "
+            "see whether readings there are wrong"
+        )
+
+
+def departure_of(time: Array, residual: Array, tol: Tolerance) -> Departure | None:
+    """Return the largest deviation of a path from its readings; None if none is significant."""
+    least = _RESOLUTIONS * tol.resolution
+    alone = np.where(np.isfinite(residual), np.abs(residual), np.inf)
+    scans = [(1, alone, max(least, tol.sample, tol.rest))]
+    scans += [(m, means, max(least, tol.run(m))) for m, means in runs(residual, tol)]
+    beyond = [(float(sizes.max()) - most) / max(most, _TINY) for _, sizes, most in scans]
+    length, sizes, most = scans[int(np.argmax(beyond))]
+    worst = int(np.argmax(sizes))
+    if sizes[worst] <= most:
+        return None
+    return Departure(float(time[worst + length // 2]), float(sizes[worst]), most, length)
 
 
 def _quadratic_fits(time: Array, x: Array, tol: Tolerance) -> bool:
@@ -147,22 +190,75 @@ def find_dwells(
     time: Array, displacement: Array, segments: list[tuple[int, int]], tol: Tolerance
 ) -> list[DwellSpan]:
     """Return the runs of samples at rest, each stretched as far as its level reaches."""
+    rests = []
+    for k, segment in enumerate(segments):
+        first, stop = _longest_rest(displacement, *segment, tol)
+        x = displacement[first:stop]
+        if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
+            continue
+        if _about_zero(x - x.mean(), tol):
+            rests.append(_Rest(first, stop, k, k))
     ends = np.array(segments) - np.array([0, 1])  # first and last reading of each
     ways = np.abs(np.diff(displacement[ends], axis=1))[:, 0]
     lengths = np.diff(time[ends], axis=1)[:, 0]
     speed = np.divide(ways, lengths, out=np.zeros(ways.size), where=lengths > 0.0)
     dwells = []
-    for k, (first, stop) in enumerate(segments):
-        x = displacement[first:stop]
-        level = float(x.mean())
-        if stop - first < _FEWEST_IN_DWELL or np.ptp(x) >= 2.0 * tol.rest * (1.0 - _ROUNDING):
-            continue
-        # at the speed next door it would have been seen to move
-        nearby = max(speed[max(k - 1, 0)], speed[min(k + 1, len(segments) - 1)])
-        moves = nearby * lengths[k] >= 4.0 * tol.rest or len(segments) == 1
-        if moves and _about_zero(x - level, tol):
-            dwells.append(DwellSpan(first, stop, level))
-    return _stretched(displacement, dwells, tol)
+    for rest in _joined(displacement, rests, tol):
+        neighbouring = max(
+            speed[max(rest.low - 1, 0)], speed[min(rest.high + 1, len(segments) - 1)]
+        )
+        alone = rest.low == 0 and rest.high == len(segments) - 1
+        # At the speed next door it would have been seen to move.
+        if alone or neighbouring * (time[rest.stop - 1] - time[rest.first]) >= 4.0 * tol.rest:
+            level = float(displacement[rest.first : rest.stop].mean())
+            dwells.append(DwellSpan(rest.first, rest.stop, level))
+    stretched = _stretched(displacement, dwells, tol)
+    return [dwell for dwell in stretched if not _turns(time, displacement, dwell, tol)]
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """Samples [first, stop) that may be at rest, of the segments from ``low`` to ``high``."""
+
+    first: int
+    stop: int
+    low: int
+    high: int
+
+
+def _longest_rest(displacement: Array, begin: int, end: int, tol: Tolerance) -> tuple[int, int]:
+    """Return a segment, or where it scatters the longest run of readings about its median."""
+    if tol.noise == 0.0:
+        return begin, end
+    x = displacement[begin:end]
+    off = np.flatnonzero(excess(x - float(np.median(x)), tol, tol.rest) > 1.0)
+    edges = np.concatenate([[-1], off, [x.size]])
+    longest = int(np.argmax(np.diff(edges)))
+    return begin + int(edges[longest]) + 1, begin + int(edges[longest + 1])
+
+
+def _joined(displacement: Array, rests: list[_Rest], tol: Tolerance) -> list[_Rest]:
+    """Join rests that scatter alone has divided: they share one level."""
+    out: list[_Rest] = []
+    for rest in rests:
+        out.append(rest)
+        while tol.noise > 0.0 and len(out) > 1:
+            before, after = out[-2:]
+            x = displacement[before.first : after.stop]
+            if not _about_zero(x - x.mean(), tol):
+                break
+            out[-2:] = [_Rest(before.first, after.stop, before.low, after.high)]
+    return out
+
+
+def _turns(time: Array, displacement: Array, dwell: DwellSpan, tol: Tolerance) -> bool:
+    """Return whether one parabola fits the dwell and twice its length on either side."""
+    reach = 2 * (dwell.stop - dwell.first)
+    around = slice(max(dwell.first - reach, 0), dwell.stop + reach)
+    x = displacement[around]
+    if x.size < 2 * (dwell.stop - dwell.first):
+        return False
+    return float(np.ptp(x)) > 4.0 * tol.rest and _quadratic_fits(time[around], x, tol)
 
 
 def _stretched(displacement: Array, dwells: list[DwellSpan], tol: Tolerance) -> list[DwellSpan]:

@@ -26,11 +26,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array, dia_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from qlvbayes.io.arrays import Array
-from qlvbayes.motion.bounds import DwellSpan, Tolerance
+from qlvbayes.motion.bounds import Tolerance
 from qlvbayes.motion.sensor import last_decimal
 from qlvbayes.motion.splines import Joints, Stretch, at_ends
 from qlvbayes.motion.stretch import FEWEST_OF_A_MOVE
@@ -46,101 +46,39 @@ _MOST = 1000  # knots whose moments are computed; of more each takes its piece's
 
 @dataclass(frozen=True)
 class Errors:
-    """Sds (n,) of displacement, velocity and acceleration at some times (n,), and of knots.
-
-    ``moments``: sds (k,) in s of the times (k,) of ``knots``.
-    """
+    """Sds (n,) of displacement, velocity and acceleration at some times (n,)."""
 
     time: Array
     displacement: Array
     velocity: Array
     acceleration: Array
-    knots: Array
-    moments: Array
 
 
-def errors(
-    t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolerance, clock: float
-) -> Errors:
-    """Return the errors of a motion's stretches and dwells, in order of time.
-
-    ``clock``: sd in s of the time stamps.
-    """
-    begins = np.array([part.joints.knots[0] for part in parts] + [t[-1]])
-    ends = np.array([t[0]] + [part.joints.knots[-1] for part in parts])
-    rates, moments = [], [np.array([t[[0, -1]], np.zeros(2)])]
-    for part in parts:
-        begin, end = part.joints.knots[[0, -1]]
-        before = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.first] < begin]
-        after = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.stop - 1] > end]
-        levels = (before[-1] if before else 0.0, after[0] if after else 0.0)
-        basis = _Basis.of(part, tol)
-        rates.append(_of_rates(part, basis, tol))
-        moments.append(np.array([part.joints.knots, _of_knots(part, basis, tol, levels, clock)]))
-    for dwell in dwells:
-        middle = 0.5 * (t[dwell.first] + t[dwell.stop - 1])
-        span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
-        rates.append(np.array([span, np.full(2, _level_sd(dwell, tol)), *np.zeros((2, 2))]))
-    time, displacement, *others = _in_order(rates)
-    least = max((float(np.ptp(part.window.displacement)) for part in parts), default=0.0)
-    return Errors(time, np.maximum(displacement, _EXACT * least), *others, *_in_order(moments))
-
-
-def _in_order(columns: list[Array]) -> Array:
-    """Return rows of several parts, of which the first are times, in order of time."""
-    every = np.concatenate(columns, axis=1)
-    return np.asarray(every[:, np.argsort(every[0], kind="stable")])
-
-
-def _level_sd(dwell: DwellSpan, tol: Tolerance) -> float:
-    """Sd of a dwell's level. At rest the rounding is not averaged out, unless scatter does it."""
-    rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
-    return float(np.sqrt(tol.noise**2 / (dwell.stop - dwell.first) + rounding))
-
-
-@dataclass(frozen=True)
-class _Basis:
-    """B-splines of a stretch's readings, with jumps left free, and their normal matrix."""
-
-    inside: NDArray[np.intp]  # (n,) readings within the stretch
-    full: Array  # knots with multiplicity
-    kept: slice  # the coefficients that are free
-    splines: csr_array  # (n, coefficients)
-    inverse: SuperLU
-
-    @classmethod
-    def of(cls, stretch: Stretch, tol: Tolerance) -> _Basis | None:
-        """Return the basis; None where fewer than two readings lie in the stretch."""
-        joints, time = stretch.joints, stretch.window.time
-        inside = np.flatnonzero((time >= joints.knots[0]) & (time <= joints.knots[-1]))
-        if inside.size < 2:
-            return None
-        full, kept = _repeated_knots(joints, stretch.degree)
-        splines = csr_array(BSpline.design_matrix(time[inside], full, stretch.degree))
-        gram = csr_array(splines[:, kept].T @ splines[:, kept]).tocsc()
-        ridge = np.full(gram.shape[0], _ROUNDOFF * float(gram.diagonal().max()))
-        return cls(inside, full, kept, splines, splu(gram + diags_array(ridge).tocsc()))
-
-
-def _of_rates(stretch: Stretch, basis: _Basis | None, tol: Tolerance) -> Array:
-    """Return times (at 3000 readings at most) with the sds of the motion and its derivatives."""
-    knots = stretch.joints.knots
-    if basis is None:
-        unknown = np.full(knots.size, np.inf)
-        return np.array([knots, np.full(knots.size, np.sqrt(tol.variance)), unknown, unknown])
-    time = stretch.window.time[basis.inside]
-    pick = np.unique(np.linspace(0, time.size - 1, min(time.size, _MOST_TIMES)).astype(int))
-    variance = _variance(stretch, basis.inside, tol)[pick]
-    rows = [_derivative(time[pick], basis.full, stretch.degree, order) for order in range(3)]
-    shares = [_quadratic_form(basis.inverse, row[:, basis.kept]) for row in rows]
-    sd = np.sqrt(variance * np.array(shares))
+def errors(stretch: Stretch, tol: Tolerance) -> Errors:
+    """Return the sds at the samples of a stretch (at 3000 of them at most)."""
+    joints = stretch.joints
+    time = stretch.window.time
+    inside = np.flatnonzero((time >= joints.knots[0]) & (time <= joints.knots[-1]))
+    if inside.size < 2:
+        most, unknown = (np.full(joints.knots.size, x) for x in (np.sqrt(tol.variance), np.inf))
+        return Errors(joints.knots, most, unknown, unknown)
+    full, kept = repeated_knots(joints, stretch.degree)
+    variance = _variance(stretch, inside, tol)
+    pick = np.unique(np.linspace(0, inside.size - 1, min(inside.size, _MOST_TIMES)).astype(int))
+    rows = [
+        derivative(time[inside][pick], full, stretch.degree, order)[:, kept] for order in range(3)
+    ]
+    basis = csr_array(BSpline.design_matrix(time[inside], full, stretch.degree))[:, kept]
+    inverse = _inverse(basis)
+    shares = np.sqrt([_quadratic_form(inverse, row) for row in rows])
+    sd = np.sqrt(variance[pick]) * shares
     if tol.step == 0.0 and tol.noise == 0.0:  # what is left is no scatter: it does not average out
-        sd[0] = np.sqrt(variance)
+        sd[0] = np.sqrt(variance[pick])
     elif tol.noise == 0.0:
         sd[0] = np.minimum(sd[0], np.sqrt(tol.variance))
-    if time.size < FEWEST_OF_A_MOVE:  # many paths go through them
+    if inside.size < FEWEST_OF_A_MOVE:  # many paths go through them
         sd[2] = np.inf
-    return np.array([time[pick], *sd])
+    return Errors(time[inside][pick], *sd)
 
 
 def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Array:
@@ -156,7 +94,7 @@ def _variance(stretch: Stretch, inside: NDArray[np.intp], tol: Tolerance) -> Arr
     return tol.variance * np.repeat(runs, runs)
 
 
-def _repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
+def repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
     """Return the knots with multiplicity, and the coefficients that are free at the ends."""
     smooth = 2 if degree == 2 else 1  # a quintic's knots are not looked for
     repeats = np.where(joints.kinked, 3, smooth)
@@ -167,15 +105,31 @@ def _repeated_knots(joints: Joints, degree: int) -> tuple[Array, slice]:
     return full, slice(low, full.size - degree - 1 - high)
 
 
-def _derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
+def derivative(t: Array, full: Array, degree: int, order: int) -> csr_array:
     """Return the matrix (n, coefficients) of derivatives of the B-splines."""
-    if order == 0:
-        return csr_array(BSpline.design_matrix(t, full, degree))
-    gap = full[degree + 1 : -1] - full[1 : -degree - 1]
-    weight = np.divide(degree, gap, out=np.zeros(gap.size), where=gap > 0.0)
-    shape = (gap.size, gap.size + 1)
-    differences = diags_array([-weight, weight], offsets=[0, 1], shape=shape)
-    return csr_array(_derivative(t, full[1:-1], degree - 1, order - 1) @ differences)
+    size = full.size - degree - 1
+    shift = None
+    for step in range(order):
+        k = degree - step
+        inner = full[step : full.size - step] if step else full
+        gap = inner[k + 1 : -1] - inner[1 : -k - 1]
+        weight = np.where(gap > 0.0, k / np.where(gap > 0.0, gap, 1.0), 0.0)
+        count = inner.size - k - 1
+        difference = dia_array(
+            (np.stack([np.append(-weight, 0.0), np.append(0.0, weight)]), [0, 1]),
+            shape=(count - 1, count),
+        ).tocsr()
+        shift = difference if shift is None else difference @ shift
+    inner = full[order : full.size - order] if order else full
+    basis = csr_array(BSpline.design_matrix(t, inner, degree - order))
+    return basis if shift is None else csr_array(basis @ shift[:, :size])
+
+
+def _inverse(basis: csr_array) -> SuperLU:
+    """Return the factors of basis^T basis."""
+    gram = csr_array(basis.T @ basis).tocsc()
+    ridge = np.full(gram.shape[0], _ROUNDOFF * float(gram.diagonal().max()))
+    return splu(gram + diags_array(ridge).tocsc())
 
 
 def _quadratic_form(inverse: SuperLU, rows: csr_array) -> Array:
@@ -187,13 +141,15 @@ def _quadratic_form(inverse: SuperLU, rows: csr_array) -> Array:
     return np.maximum(forms, 0.0)
 
 
-def _of_knots(
-    stretch: Stretch,
-    basis: _Basis | None,
-    tol: Tolerance,
-    level_sd: tuple[float, float],
-    clock: float,
-) -> Array:
+@dataclass(frozen=True)
+class Moments:
+    """Sds (k,) in s of the times (k,) of knots."""
+
+    time: Array
+    sd: Array
+
+
+def moments(stretch: Stretch, tol: Tolerance, level_sd: tuple[float, float], clock: float) -> Array:
     """Return the sds (k,) in s of a stretch's knots."""
     joints, time = stretch.joints, stretch.window.time
     knots = joints.knots
@@ -201,10 +157,12 @@ def _of_knots(
     shorter = np.minimum(np.append(lengths, np.inf), np.append(np.inf, lengths))
     near = np.clip(np.searchsorted(time, knots), 1, time.size - 1)
     interval = time[near] - time[near - 1]
-    sd = np.maximum(shorter, interval) / _UNIFORM
-    if basis is not None and basis.inside.size > 2 and knots.size <= _MOST:
-        sd = np.minimum(sd, _from_readings(stretch, basis, tol, level_sd, clock))
-    read = np.diff(np.searchsorted(time[(time >= knots[0]) & (time <= knots[-1])], knots))
+    most = np.maximum(shorter, interval) / _UNIFORM
+    inside = np.flatnonzero((time >= knots[0]) & (time <= knots[-1]))
+    sd = most.copy()
+    if inside.size > 2 and knots.size <= _MOST:
+        sd = np.minimum(most, _from_readings(stretch, tol, inside, level_sd, clock))
+    read = np.diff(np.searchsorted(time[inside], knots))
     fewest = np.minimum(np.append(read, np.inf), np.append(np.inf, read))
     sd = np.where(fewest < _RESOLVED, np.maximum(sd, interval / _UNIFORM), sd)
     sd[[0, -1]] *= [joints.left is not None, joints.right is not None]
@@ -212,22 +170,27 @@ def _of_knots(
 
 
 def _from_readings(
-    stretch: Stretch, basis: _Basis, tol: Tolerance, level_sd: tuple[float, float], clock: float
+    stretch: Stretch,
+    tol: Tolerance,
+    inside: NDArray[np.intp],
+    level_sd: tuple[float, float],
+    clock: float,
 ) -> Array:
     """Return the sds (k,) by least squares; infinite where neither speed nor acceleration jumps."""
-    rows, size = _jumps(stretch, basis.full)
-    time, kept = stretch.window.time[basis.inside], basis.kept
-    of_clock = (stretch.pieces.derivative()(time) * clock) ** 2
-    variance = _variance_of_knots(stretch, basis.inside, tol) + of_clock
-    free = basis.splines[:, kept]
-    weight = basis.inverse.solve(rows[:, kept].T.toarray())  # (coefficients, knots)
+    joints, degree, time = stretch.joints, stretch.degree, stretch.window.time[inside]
+    full, kept = repeated_knots(joints, degree)
+    basis = csr_array(BSpline.design_matrix(time, full, degree))
+    rows, size = _jumps(stretch, full)
+    variance = _variance_of_knots(stretch, inside, tol) + (_speed(stretch, time) * clock) ** 2
+    free = basis[:, kept]
+    weight = _inverse(free).solve(rows[:, kept].T.toarray())  # (coefficients, knots)
     variances = np.sum((diags_array(np.sqrt(variance)) @ (free @ weight)) ** 2, axis=0)
     for side, sd in zip((0, -1), level_sd, strict=True):
-        at = 0 if side == 0 else basis.splines.shape[1] - 1
+        at = 0 if side == 0 else full.size - degree - 2
         if kept.start <= at < kept.stop:  # the displacement itself is free to jump to the level
             variances[side] += sd**2
         else:
-            column = basis.splines[:, [at]].toarray()[:, 0]
+            column = basis[:, [at]].toarray()[:, 0]
             held = rows[:, [at]].toarray()[:, 0] - weight.T @ (free.T @ column)
             variances += (held * sd) ** 2
     unbounded = np.full(size.shape, np.inf)
@@ -264,7 +227,7 @@ def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
     smooth = csr_array((~joints.kinked)[:, None].astype(float))
     orders = []
     for order in (0, 1):
-        right, left = (_derivative(t, full, degree, order) for t in (after, before))
+        right, left = (derivative(t, full, degree, order) for t in (after, before))
         keep_right, keep_left = np.ones(knots.size), np.ones(knots.size)
         keep_right[-1] = keep_left[0] = 0.0  # dwells lie outside
         orders.append(diags_array(keep_right) @ right - diags_array(keep_left) @ left)
@@ -274,3 +237,10 @@ def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
         for order in (path.derivative(1), path.derivative(2))
     )
     return rows, np.abs(np.where(joints.kinked, speed, rate))
+
+
+def _speed(stretch: Stretch, time: Array) -> Array:
+    """Return the speed (n,) at some times, from differences of the path."""
+    if time.size < 2:
+        return np.zeros(time.shape)
+    return np.abs(np.gradient(stretch.at(time), time))

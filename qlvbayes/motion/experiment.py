@@ -140,13 +140,17 @@ class Experiment:
     def notices(self) -> tuple[str, ...]:
         """Sentences on the readings that a user should know of.
 
-        Those left out, where the force falls while the platen moves in, and what was prescribed.
+        Those left out, those from which the fitted motion is far, where the force falls while the
+        platen moves in, and what was prescribed.
         """
         left_out = [(trial.test, trial.left_out) for trial in self.trials]
+        off = [(trial.name, trial.trajectory.departure) for trial in self.trials]
+        unit = self.units.displacement
         return (
             *self.cuts,
             *excluded_notices(self.pad, left_out, self.units),
             *left_out_notice(self.pad, left_out, self.units),
+            *(f"pad {self.pad}: {one.notice(name, unit)}" for name, one in off if one),
             *self.falls,
             *self._load_controlled,
         )

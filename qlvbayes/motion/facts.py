@@ -12,7 +12,7 @@ import numpy as np
 from qlvbayes.io.data import Control
 from qlvbayes.io.readings import sampling_of
 from qlvbayes.motion.experiment import Experiment, Trial
-from qlvbayes.motion.phases import MOVING, Phase, mean_speed
+from qlvbayes.motion.phases import MOVING, Phase
 
 NEARLY = 0.02  # share of the largest depth or force, below which a test counts as back at zero
 OF_UNLOADING = ("stress_softening", "permanent_set", "backlash")  # seen as a platen moves back
@@ -20,6 +20,7 @@ ROUNDED = 0.1  # of a step of the encoder: where no reading is farther from the 
 DEEPER = 1.25  # ratio of two depths from which they count as different
 _LOADED = 0.05  # of the largest depth (or force, where that is prescribed): a dwell under load
 _FEWEST = 5  # readings in a dwell that show how the force goes on in it
+_TIMES = 401  # of a movement, at which its speed is looked for
 _LATE = 0.1  # of a hold, about its middle and at its end, whose readings are set side by side
 
 
@@ -92,10 +93,15 @@ def facts_of(experiment: Experiment) -> Facts:
 
 
 def move_of(trial: Trial, phase: Phase) -> Movement:
-    """Return a movement, with its speed."""
-    readings = trial.rows(phase.start, phase.stop).size
-    speed = mean_speed(trial.trajectory, phase)
-    return Movement(phase.kind, speed, phase.stop - phase.start, readings)
+    """Return a movement, with the speed over the middle 60 % of its stroke."""
+    time = np.linspace(phase.start, phase.stop, _TIMES)
+    depth = trial.trajectory.displacement(time)
+    depth = np.maximum.accumulate(np.abs(depth - depth[0]))
+    early, late = np.interp([0.2 * depth[-1], 0.8 * depth[-1]], depth, time)
+    speed = 0.6 * float(depth[-1] / (late - early)) if late > early else 0.0
+    return Movement(
+        phase.kind, speed, phase.stop - phase.start, trial.rows(phase.start, phase.stop).size
+    )
 
 
 def _hold(experiment: Experiment, trial: Trial, phase: Phase) -> LoadedDwell | None:

@@ -73,7 +73,7 @@ def find_phases(trajectory: Trajectory) -> tuple[Phase, ...]:
     """Return the phases of a record: contiguous, in order of time, from its start to its end."""
     times, depth = _turning_points(trajectory)
     moves = _settled(_movements(times, depth, trajectory.resolution), times, trajectory)
-    moves = _from_the_start(moves, times, trajectory)
+    moves = _turning(_from_the_start(moves, times, trajectory), times, trajectory)
     phases: list[Phase] = []
     resting: Kind = "hold"
     at = float(times[0])
@@ -157,16 +157,11 @@ def loading_rate(trajectory: Trajectory, phases: tuple[Phase, ...]) -> float:
     ramp = next((p for p in phases if p.kind == "ramp"), None)
     if ramp is None:
         raise InputError("the record holds no loading ramp")
-    return mean_speed(trajectory, ramp)
-
-
-def mean_speed(trajectory: Trajectory, phase: Phase) -> float:
-    """Return the speed over the middle 60 % of a movement's stroke; 0 if it does not move."""
-    time = np.linspace(phase.start, phase.stop, 4001)
-    depth = trajectory.displacement(time)
-    way = np.maximum.accumulate((1.0 if phase.kind == "ramp" else -1.0) * (depth - depth[0]))
-    early, late = np.interp([0.2 * way[-1], 0.8 * way[-1]], way, time)
-    return 0.6 * float(way[-1] / (late - early)) if late > early else 0.0
+    t = np.linspace(ramp.start, ramp.stop, 4001)
+    depth = np.maximum.accumulate(trajectory.displacement(t))
+    stroke = float(depth[-1] - depth[0])
+    early, late = np.interp(depth[0] + np.array([0.2, 0.8]) * stroke, depth, t)
+    return 0.6 * stroke / float(late - early)
 
 
 def _turning_points(trajectory: Trajectory) -> tuple[Array, Array]:
@@ -190,6 +185,26 @@ def _from_the_start(moves: list[Move], times: Array, trajectory: Trajectory) -> 
         still = np.all(_at_rest(trajectory, times[: first + 1]))
         late = not (still and dwell >= max(_SHARE * lasted, _WORTH * interval))
     return [(0, last, sign), *moves[1:]] if late else moves
+
+
+def _turning(moves: list[Move], times: Array, trajectory: Trajectory) -> list[Move]:
+    """Join opposite movements where they turn, unless the platen rested there for long."""
+    joined = moves[:1]
+    for first, last, sign in moves[1:]:
+        before, end, direction = joined[-1]
+        pause = times[first] - times[end]
+        shorter = min(times[end] - times[before], times[last] - times[first])
+        meeting = direction != sign and first > end and pause < _DWELL * shorter
+        between = times[end : first + 1]
+        if meeting and not np.any(_at_rest(trajectory, between)):
+            first = end + int(np.argmax(direction * trajectory.displacement(between)))
+            joined[-1] = (before, first, direction)
+        joined.append((first, last, sign))
+    if joined and not np.any(_at_rest(trajectory, times[joined[-1][1] :])):
+        first, last, sign = joined[-1]
+        if times[-1] - times[last] < _DWELL * (times[last] - times[first]):
+            joined[-1] = (first, times.size - 1, sign)
+    return joined
 
 
 def _at_rest(trajectory: Trajectory, times: Array) -> NDArray[np.bool_]:

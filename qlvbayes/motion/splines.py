@@ -21,6 +21,7 @@ from qlvbayes.io.arrays import Array
 from qlvbayes.motion.bounds import Tolerance, excess
 
 Flags = NDArray[np.bool_]
+Basis = tuple[NDArray[np.intp], Array]
 
 _PULL = 1e-8  # weight, over a reading's, of lines between readings, for pieces without readings
 _ROUNDOFF = 1e-14  # of the normal matrix, so that it can be inverted
@@ -109,34 +110,20 @@ def fit(joints: Joints, time: Array, displacement: Array, degree: int) -> Fitted
     shares = np.linspace(0.0, 1.0, degree + 1)
     between = (knots[:-1, None] + np.diff(knots)[:, None] * shares).ravel()
     full = _full_knots(joints, degree)
-    at = np.clip(np.concatenate([time, between]), full[0], full[-1])
-    basis = BSpline.design_matrix(at, full, degree)
-    # each sample depends on p + 1 neighbouring coefficients: (n, p + 1)
-    columns, splines = (some.reshape(-1, degree + 1) for some in (basis.indices, basis.data))
+    basis = _basis(full, np.concatenate([time, between]), degree)
     goal = np.concatenate([y, np.interp(between, time, y)])
-    weight = np.where(np.arange(goal.size) < y.size, 1.0, _PULL)[:, None]
+    weight = np.where(np.arange(goal.size) < y.size, 1.0, _PULL)
     size = full.size - degree - 1
     low, high = _fixed(joints)
     c = np.zeros(size)
     c[:low] = 0.0 if joints.left is None else joints.left - origin
     c[size - high :] = 0.0 if joints.right is None else joints.right - origin
-
-    def summed(values: Array, of: NDArray[np.intp]) -> Array:
-        return np.asarray(np.bincount(of.ravel(), weights=values.ravel(), minlength=size), float)
-
     if size - high > low:
-        left = goal - np.sum(splines * c[columns], axis=1)
-        weighted = weight * splines
-        band = np.array([
-            summed(weighted[:, k:] * splines[:, : degree + 1 - k], columns[:, k:])
-            for k in range(degree, -1, -1)
-        ])  # fmt: skip
-        band[degree] += _ROUNDOFF * max(float(band[degree].max()), 1e-300)
-        right_side = summed(weighted * left[:, None], columns)
-        free = slice(low, size - high)
-        c[free] = solveh_banded(band[:, free], right_side[free], check_finite=False)
-    residuals = goal - np.sum(splines * c[columns], axis=1)
-    return FittedSpline(joints, degree, c + origin, residuals[: y.size])
+        left = weight * (goal - _product(basis, c))
+        band = _banded_gram(basis, weight, size)[:, low : size - high]
+        right_side = _moments(basis, left, size)[low : size - high]
+        c[low : size - high] = solveh_banded(band, right_side, check_finite=False)
+    return FittedSpline(joints, degree, c + origin, (goal - _product(basis, c))[: y.size])
 
 
 def _full_knots(joints: Joints, degree: int) -> Array:
@@ -151,6 +138,45 @@ def _fixed(joints: Joints) -> tuple[int, int]:
     low = 0 if joints.left is None else (1 if joints.kinked[0] else 2)
     high = 0 if joints.right is None else (1 if joints.kinked[-1] else 2)
     return low, high
+
+
+def _basis(full: Array, time: Array, degree: int) -> Basis:
+    """Return the first coefficient (n,) that each time depends on, and its B-splines (n, p + 1)."""
+    rows = BSpline.design_matrix(np.clip(time, full[0], full[-1]), full, degree)
+    shape = time.size, degree + 1
+    return rows.indices.reshape(shape)[:, 0], rows.data.reshape(shape)
+
+
+def _product(basis: Basis, coefficients: Array) -> Array:
+    """Return the values (n,) of the spline."""
+    first, splines = basis
+    values = np.zeros(first.size)
+    for p in range(splines.shape[1]):
+        values += splines[:, p] * coefficients[first + p]
+    return values
+
+
+def _moments(basis: Basis, values: Array, size: int) -> Array:
+    """Return the product (size,) of the transposed basis with values (n,)."""
+    first, splines = basis
+    moments = np.zeros(size)
+    for p in range(splines.shape[1]):
+        moments += np.bincount(first + p, weights=splines[:, p] * values, minlength=size)
+    return moments
+
+
+def _banded_gram(basis: Basis, weight: Array, size: int) -> Array:
+    """Return the upper banded form (p + 1, size) of basis^T weight basis."""
+    first, splines = basis
+    degree = splines.shape[1] - 1
+    band = np.zeros((degree + 1, size))
+    for q in range(degree + 1):
+        weighted = weight * splines[:, q]
+        for p in range(q + 1):
+            terms = weighted * splines[:, p]
+            band[degree - q + p] += np.bincount(first + q, weights=terms, minlength=size)
+    band[degree] += _ROUNDOFF * max(float(band[degree].max()), 1e-300)
+    return band
 
 
 def smooth_curve(
@@ -249,12 +275,16 @@ def _unfaithful(spline: FittedSpline, window: Window, tol: Tolerance) -> NDArray
     return failing
 
 
-def _halved(joints: Joints, time: Array, failing: Flags) -> Joints | None:
+def _halved(joints: Joints, time: Array, failing: NDArray[np.bool_]) -> Joints | None:
     """Return joints with a knot in the middle of each failing span; None if one has few samples."""
-    edges = np.searchsorted(time, joints.knots)
-    if np.any(np.diff(edges)[failing] < 2 * _FEWEST):
-        return None
-    middle = (edges[:-1] + edges[1:])[failing] // 2
-    at = np.flatnonzero(failing) + 1
-    knots = np.insert(joints.knots, at, 0.5 * (time[middle - 1] + time[middle]))
-    return replace(joints, knots=knots, kinked=np.insert(joints.kinked, at, False))
+    knots = [joints.knots]
+    for k in np.flatnonzero(failing):
+        i, j = np.searchsorted(time, joints.knots[k : k + 2])
+        if j - i < 2 * _FEWEST:
+            return None
+        middle = (i + j) // 2
+        knots.append(np.array([0.5 * (time[middle - 1] + time[middle])]))
+    knots_after = np.sort(np.concatenate(knots))
+    kinked = np.zeros(knots_after.size, dtype=bool)
+    kinked[0], kinked[-1] = joints.kinked[0], joints.kinked[-1]
+    return replace(joints, knots=knots_after, kinked=kinked)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from math import sqrt
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,19 +16,24 @@ from scipy.interpolate import PPoly
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError
 from qlvbayes.motion.bounds import (
+    Departure,
     DwellSpan,
     Tolerance,
+    departure_of,
     find_dwells,
     greedy_segments,
 )
-from qlvbayes.motion.errors import Errors, errors
+from qlvbayes.motion.errors import Errors, Moments, errors, moments
 from qlvbayes.motion.sensor import clock_error, encoder_step, scatter_left, tolerance
 from qlvbayes.motion.splines import Stretch, at_ends
 from qlvbayes.motion.stretch import fitted
 
+_Sds = TypeVar("_Sds", Errors, Moments)
+
 _SPEED_KNOWN = 0.05  # of the top speed: largest median error of a known velocity,
 _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
 _JUMPS = 0.5  # share of the changes of velocity that are too quick to be resolved
+_EXACT = 1e-6  # of the range: no record is better than that
 _FREEDOM = 10  # readings in motion for each knot, at which residuals show errors
 _SAME = 1e-6  # of the largest: smaller jumps are rounding
 _TRIALS = 5  # fits at most, each with the scatter that the one before it left,
@@ -45,11 +51,12 @@ class Trajectory:
     displacement, 0 if none was seen; ``higher`` (m, k) the h_jk, None for constant accelerations.
     Outside the record the motion is at rest at its end value. At a kink the velocity and
     acceleration are those just after it. ``unresolved``: what the record cannot give ("velocity",
-    "acceleration"), with the reason in a few words.
+    "acceleration"), with the reason in a few words. ``moments``: sds of the times of knots.
     ``clock_sd``: sd in s of the error of each reading's time stamp, from the jitter of the clock
     and the rounding of the stamps (``clock.clock_error``), and no more than the readings of the
     moving platen allow; 0 where stamps are exact or none were read. ``read_at``: times (n,) of the
-    readings, None for a planned motion.
+    readings, None for a planned motion; ``departure``: where the path is farthest from readings, if
+    that is more than two resolutions and more than their scatter explains.
     """
 
     knots: Array
@@ -60,8 +67,10 @@ class Trajectory:
     higher: Array | None = None
     unresolved: tuple[tuple[str, str], ...] = ()
     error: Errors | None = None
+    moments: Moments | None = None
     clock_sd: float = 0.0
     read_at: Array | None = None
+    departure: Departure | None = None
 
     @cached_property
     def _path(self) -> tuple[PPoly, PPoly, PPoly]:
@@ -98,9 +107,9 @@ class Trajectory:
     @property
     def kink_sd(self) -> Array:
         """Sd (j,) in s of the time of each kink, from the readings' errors and spacing."""
-        if self.error is None:
+        if self.moments is None:
             return np.zeros(self.kinks.shape)
-        return np.asarray(np.interp(self.kinks, self.error.knots, self.error.moments))
+        return np.asarray(np.interp(self.kinks, self.moments.time, self.moments.sd))
 
     @property
     def _at_kinks(self) -> NDArray[np.bool_]:
@@ -194,10 +203,7 @@ def smooth(
         scatter = scatter_left(x - path.displacement(t), x, path.knots.size, tol)
         if scatter >= _LESS * tol.noise:
             break
-    clock = _clock_sd(t, x, path)
-    found = errors(t, parts, dwells, tol, clock)
-    doubts = _unresolved(path, found)
-    return replace(path, error=found, unresolved=doubts, clock_sd=clock, read_at=t)
+    return _with_errors(t, x, path, parts, dwells, tol)
 
 
 def _check(time: Array, displacement: Array) -> None:
@@ -241,6 +247,28 @@ def _joined(t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolera
     )
 
 
+def _with_errors(
+    t: Array,
+    x: Array,
+    path: Trajectory,
+    parts: list[Stretch],
+    dwells: list[DwellSpan],
+    tol: Tolerance,
+) -> Trajectory:
+    """Return the path with its errors, as far as the readings determine them."""
+    part_errors = [errors(part, tol) for part in parts]
+    clock = _clock_sd(t, x, path)
+    return replace(
+        path,
+        error=_all_errors(t, parts, part_errors, dwells, tol),
+        unresolved=_unresolved(path, parts, part_errors),
+        moments=_all_moments(t, parts, dwells, tol, clock),
+        clock_sd=clock,
+        read_at=t,
+        departure=departure_of(t, x - path.displacement(t), tol),
+    )
+
+
 def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
     """Return the sd of the stamps, bounded by the residuals of the moving platen's readings."""
     speed = motion.velocity(t)
@@ -252,15 +280,65 @@ def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
     return min(stamped, float(np.sqrt(np.sum(weight * off**2) / np.sum(weight**3))))
 
 
-def _unresolved(motion: Trajectory, error: Errors) -> tuple[tuple[str, str], ...]:
+def _all_moments(
+    t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolerance, clock: float
+) -> Moments:
+    """Return the errors of all stretches' knots, in order of time."""
+    every = [Moments(t[[0, -1]], np.zeros(2))]
+    for part in parts:
+        begin, end = part.joints.knots[[0, -1]]
+        before = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.first] < begin]
+        after = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.stop - 1] > end]
+        levels = (before[-1] if before else 0.0, after[0] if after else 0.0)
+        every.append(Moments(part.joints.knots, moments(part, tol, levels, clock)))
+    return _in_order(every)
+
+
+def _level_sd(dwell: DwellSpan, tol: Tolerance) -> float:
+    """Sd of a dwell's level. At rest the rounding is not averaged out, unless scatter does it."""
+    rounding = tol.step**2 / 12.0 if tol.noise < 0.5 * tol.step else 0.0
+    return float(np.sqrt(tol.noise**2 / (dwell.stop - dwell.first) + rounding))
+
+
+def _all_errors(
+    t: Array,
+    parts: list[Stretch],
+    part_errors: list[Errors],
+    dwells: list[DwellSpan],
+    tol: Tolerance,
+) -> Errors:
+    """Return the errors of stretches and dwells, in order of time."""
+    begins = np.array([p.joints.knots[0] for p in parts] + [t[-1]])
+    ends = np.array([t[0]] + [p.joints.knots[-1] for p in parts])
+    every = list(part_errors)
+    for dwell in dwells:
+        middle = 0.5 * (t[dwell.first] + t[dwell.stop - 1])
+        span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
+        every.append(Errors(span, np.full(2, _level_sd(dwell, tol)), np.zeros(2), np.zeros(2)))
+    joined = _in_order(every)
+    least = max((float(np.ptp(p.window.displacement)) for p in parts), default=0.0)
+    return replace(joined, displacement=np.maximum(joined.displacement, _EXACT * least))
+
+
+def _in_order(parts: list[_Sds]) -> _Sds:
+    """Return the errors of several parts as one, in order of time."""
+    order = np.argsort(np.concatenate([part.time for part in parts]), kind="stable")
+    columns = (np.concatenate([getattr(p, x.name) for p in parts])[order] for x in fields(parts[0]))
+    return type(parts[0])(*columns)
+
+
+def _unresolved(
+    motion: Trajectory, parts: list[Stretch], part_errors: list[Errors]
+) -> tuple[tuple[str, str], ...]:
     """Return why the readings do not determine velocity or acceleration."""
-    moving = error.velocity > 0.0
-    if not np.any(moving):
+    if not parts:
         return (("velocity", "the platen never moves"), ("acceleration", "the platen never moves"))
-    doubts, time = [], error.time[moving]
-    if _share(error.velocity[moving], motion.velocity(time)) > _SPEED_KNOWN:
+    doubts = []
+    every = _in_order(part_errors)
+    speed = _share(every.velocity, motion.velocity(every.time))
+    if speed > _SPEED_KNOWN:
         doubts.append(("velocity", "the displacement record does not give the speed"))
-    rate = _share(error.acceleration[moving], motion.acceleration(time))
+    rate = _share(every.acceleration, motion.acceleration(every.time))
     jumps = float(np.sum(motion.speed_jumps))
     smoothly = float(np.sum(np.abs(np.diff(motion.start_velocity)))) - jumps
     if rate > _ACCELERATION_KNOWN or (jumps > 0.0 and jumps > _JUMPS * (jumps + smoothly)):

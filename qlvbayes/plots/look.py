@@ -77,8 +77,10 @@ def plot_look(experiment: Experiment, *, width: float = DOUBLE) -> list[Axes]:
 
 
 def _chosen(experiment: Experiment) -> list[Trial]:
-    """Return all tests, or those with bad readings; slowest first."""
-    doubtful = sorted(experiment.trials, key=lambda trial: trial.left_out is None)
+    """Return all tests, or those with bad readings or a motion that departs; slowest first."""
+    doubtful = sorted(
+        experiment.trials, key=lambda t: (t.trajectory.departure is None) + (t.left_out is None)
+    )
     return sorted(doubtful[:_MOST], key=lambda trial: by_rate(trial.rate))
 
 
@@ -105,6 +107,7 @@ def _draw(sheet: Sheet, panels: Sequence[Axes], trial: Trial, units: UnitSystem)
     exact = _EXACT * factor * float(np.ptp(test.displacement))
     _residual(panels[2], path.resolution * factor if shows else 0.0, exact)
     _left_out(panels, trial, time, way)
+    _ring(panels[2], trial, time, factor)
     for panel, name, of in (
         (panels[0], units.force_name, units.force),
         (panels[1], units.displacement_name, way_unit),
@@ -176,6 +179,21 @@ def _left_out(panels: Sequence[Axes], trial: Trial, time: PhaseTime, way: float)
     for panel, (values, rows) in zip(panels, channels, strict=False):
         if rows.size:
             mark_left_out(panel, time(bad.time[rows]), values[rows])
+
+
+def _ring(panel: Axes, trial: Trial, time: PhaseTime, factor: float) -> None:
+    """Draw a ring where the motion departs from the readings."""
+    off = trial.trajectory.departure
+    if off is None:
+        return
+    test = trial.whole
+    row = int(np.argmin(np.abs(test.time - off.time)))
+    left = test.displacement[row] - trial.trajectory.displacement(test.time[row])
+    panel.plot(
+        time(np.array([off.time])), [factor * float(left)], "o", markerfacecolor="none",
+        color=colours()[1], markersize=6.0, markeredgewidth=0.9, clip_on=False, gid="departure",
+        label="motion departs",
+    )  # fmt: skip
 
 
 def _head(figure: Figure, experiment: Experiment, trials: Sequence[Trial]) -> None:

@@ -1,12 +1,17 @@
 """Fitted motions stay with their readings, and phases are those that an experimenter would name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.motions import rounded
 from support.solids import kinds
 
+from qlvbayes.motion.bounds import departure_of
 from qlvbayes.motion.phases import find_phases
-from qlvbayes.motion.sensor import encoder_step
+from qlvbayes.motion.sensor import encoder_step, tolerance
+from qlvbayes.motion.splines import Window
+from qlvbayes.motion.stretch import trapezoid
 from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate.platen import Hold, Move, Platen
 
@@ -37,6 +42,7 @@ def test_a_press_read_by_an_encoder_that_dithers(share):
     assert np.abs(fit.displacement(every) - press(every)).max() < 2.0 * STEP * max(1.0, share)
     assert fit.knots.size == 4
     assert phases(fit) == ["hold", "ramp", "hold"]
+    assert fit.departure is None
 
 
 def test_a_platen_that_overshoots_and_settles_holds_from_its_farthest_point():
@@ -87,8 +93,36 @@ def test_few_readings_at_corners_are_not_taken_for_scatter():
     assert np.abs(smooth(t, x).displacement(t) - x).max() <= 2e-4 * 2.0
 
 
+def departed(residual, noise=0.0, step=STEP):
+    tol = replace(tolerance(np.arange(200.0), np.linspace(0.0, 1.0, 200), step), noise=noise)
+    tol = replace(tol, spread=4.0 * noise, sample=0.5 * step + 4.0 * noise)
+    return departure_of(np.arange(200.0), residual, tol)
+
+
+def test_a_reading_two_steps_from_the_motion_is_told():
+    residual = np.zeros(200)
+    residual[50] = 1.9 * STEP
+    assert departed(residual) is None
+    residual[50] = 2.1 * STEP
+    found = departed(residual)
+    assert (found.time, found.readings) == (50.0, 1)
+    assert found.distance == pytest.approx(2.1 * STEP)
+    assert "50 s" in found.notice("a", "mm")
+
+
+def test_a_run_of_readings_is_told_that_each_alone_could_be_scatter():
+    scatter = STEP * np.random.default_rng(6).normal(size=200)
+    assert departed(scatter, noise=STEP, step=0.0) is None
+    scatter[100:116] += 3.0 * STEP
+    found = departed(scatter, noise=STEP, step=0.0)
+    assert 100.0 <= found.time < 116.0
+    assert f"mean of {found.readings} readings" in found.notice("a", "mm")
+
+
 INTERVAL = 0.02  # s
 LIMIT = 1000.0  # mm/s2
+
+
 FINE = np.linspace(-0.1, 0.3, 4001)
 OFFSETS = pytest.mark.parametrize("offset", [0.0, 0.004, 0.011, 0.017])
 RATES = pytest.mark.parametrize("rate", [20.0, 30.0, 50.0, 100.0])
@@ -128,3 +162,22 @@ def test_a_creep_after_a_quick_press_keeps_its_speed(rate, offset, creep):
     speed = creep / 5.0  # mm/s, over the hold of `quick_press`
     off = found.velocity(np.linspace(0.3, 4.5, 5001)) - speed
     assert np.max(np.abs(off)) < 0.05 * speed
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+def test_readings_of_a_trapezoid_give_it_back(share):
+    time = np.linspace(-0.2, 0.8, 21)
+    s = np.clip((time - 0.03) / 0.5, 0.0, 1.0)
+    early, late = s**2 / (2 * share), 1.0 - share - (1.0 - s) ** 2 / (2 * share)
+    x = np.where(s < share, early, np.where(s > 1 - share, late, s - 0.5 * share)) / (1 - share)
+    joints, pieces, worst = trapezoid(Window(time, 0.5 + 2.0 * x, -0.2, 0.8), 0.5, 2.5, 1e-10)
+    assert worst < 1e-4
+    assert joints.knots[[0, -1]] == pytest.approx([0.03, 0.53], abs=2e-3)
+    assert 2.0 * pieces.c[0, 0] == pytest.approx(2.0 / (0.25 * share * (1 - share)), rel=0.02)
+
+
+def test_where_nothing_moves_by_three_readings_there_is_no_trapezoid():
+    time = np.arange(6.0)
+    assert (
+        trapezoid(Window(time, np.array([0, 0, 0.5, 1, 1, 1.0]), 0.0, 5.0), 0.0, 1.0, 0.0) is None
+    )

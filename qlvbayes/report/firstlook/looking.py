@@ -128,12 +128,14 @@ def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
     path, test = trial.trajectory, trial.whole
     left = test.displacement - path.displacement(test.time)
     worst = int(np.argmax(np.abs(left)))
+    off = path.departure
     return MotionSeen(
         path.resolution,
         float(np.sqrt(np.mean(left**2))),
         float(abs(left[worst])),
         float(test.time[worst]),
         bool(abs(left[worst]) > ROUNDED * path.resolution > 0.0),
+        None if off is None else off.notice(trial.name, units.displacement),
     )
 
 

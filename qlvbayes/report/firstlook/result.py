@@ -42,6 +42,7 @@ class MotionSeen(Part, frozen=True, rename=_KEYS):
     largest: float
     at: float  # the time (s) at which it is largest
     step_shows: bool  # whether readings are off by as much as it makes them
+    departure: str | None  # in words, where that is more than scatter and resolution explain
 
 
 class ContactSeen(Part, frozen=True, rename=_KEYS):

@@ -83,10 +83,11 @@ def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
     worst = max(pad.tests, key=lambda test: test.motion.largest)
     steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step_shows})
     of = f" (the encoder's step is {joined([plain(step) for step in steps], 'or')}{unit})"
-    return [
+    parts = [
         f"motion: fitted to the {name} within {plain(worst.motion.largest, 2)}{unit} of every "
         f"reading{of if steps else ''}"
     ]
+    return parts + [test.motion.departure for test in pad.tests if test.motion.departure]
 
 
 def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
