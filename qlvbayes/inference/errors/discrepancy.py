@@ -117,7 +117,7 @@ class Discrepancy:
 
     @cached_property
     def block_features(self) -> Array:
-        """Return the features (M, n) at the blocks that count, not whitened; all points share it."""
+        """Return the features (M, n), not whitened, at the blocks that count: once for all points."""
         return self.whitener.flattened(self.features)
 
     def separated(
