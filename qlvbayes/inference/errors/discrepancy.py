@@ -115,9 +115,9 @@ class Discrepancy:
         """Return the whitened features (M, n)."""
         return self.whitener(self.features)
 
-    @cached_property
+    @cached_property  # once for all points: a diagnosis keeps hundreds
     def block_features(self) -> Array:
-        """Return the features (M, n), not whitened, at the blocks that count: once for all points."""
+        """Return the features (M, n), not whitened, at the blocks that count."""
         return self.whitener.flattened(self.features)
 
     def separated(
