@@ -23,7 +23,7 @@ demo: $(VENV)/installed
 	@echo "open $(OUT)/report.html in a browser"
 
 test: $(VENV)/installed-dev
-	@cat $(VENV)/test-time 2>/dev/null || echo "make test: ten minutes or more on two cores"
+	@cat $(VENV)/test-time 2>/dev/null || echo "make test: five to six minutes on two cores"
 	@begin=$$(date +%s); $(PYTEST) -m "not slow and not integration" --durations=40; status=$$?; \
 	echo "make test: the last run took $$((($$(date +%s) - begin) / 60 + 1)) minutes" > $(VENV)/test-time; \
 	exit $$status
