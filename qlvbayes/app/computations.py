@@ -9,9 +9,9 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
@@ -37,61 +37,61 @@ _DIGITS = 6  # significant digits of a curve's values
 _SMALL = 0.5  # share of the error: a smaller mean error has no clear sign
 
 Answer = dict[str, Any]
+Made = TypeVar("Made")
 
 
-class _Once:
+class _Once(Generic[Made]):
     """Object that the first thread makes that asks for it; no thread waits for another object."""
 
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self._make, self._making, self._made = make, threading.Lock(), None
+    def __init__(self, make: Callable[[], Made]) -> None:
+        self._make, self._making = make, threading.Lock()
+        self._made: Made | None = None
 
-    def get(self) -> Any:
+    def get(self) -> Made:
         with self._making:
             if self._made is None:
                 self._made = self._make()
             return self._made
 
 
-@lru_cache(_STUDIES)
-def _study_once(data: str, changed: int) -> _Once:
-    return _Once(lambda: read_measurements(data))
+def _kept(most: int) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
+    """Keep what a function made of a file last, with its other arguments, while that is as it was.
+
+    Each is made once for all threads.
+    """
+
+    def keeping(make: Callable[..., Made]) -> Callable[..., Made]:
+        @lru_cache(most)
+        def once(changed: int, *key: str | None) -> _Once[Made]:
+            return _Once(partial(make, *key))
+
+        @wraps(make)
+        def kept(data: str, *key: str | None) -> Made:
+            return once(Path(data).stat().st_mtime_ns, data, *key).get()
+
+        return kept
+
+    return keeping
 
 
-@lru_cache(_BENCHES)
-def _experiment_once(data: str, changed: int, pad: str) -> _Once:
-    return _Once(lambda: prepare(_study(data).pad(pad)))
-
-
-@lru_cache(_BENCHES)
-def _bench_once(data: str, changed: int, pad: str, effects_file: str | None) -> _Once:
-    def make() -> Bench:
-        experiment = _experiment(data, pad)
-        bonded = experiment.units.bonded_default
-        return Bench.from_experiment(experiment, Choices(bonded=bonded, effects_file=effects_file))
-
-    return _Once(make)
-
-
+@_kept(_STUDIES)
 def _study(data: str) -> Measurements:
     """Return the measurements in a file."""
-    study: Measurements = _study_once(*_version(data)).get()
-    return study
+    return read_measurements(data)
 
 
+@_kept(_BENCHES)
 def _experiment(data: str, pad: str) -> Experiment:
     """Return one of its pads, prepared."""
-    experiment: Experiment = _experiment_once(*_version(data), pad).get()
-    return experiment
+    return prepare(_study(data).pad(pad))
 
 
+@_kept(_BENCHES)
 def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
     """Return the bench of one of its pads."""
-    bench: Bench = _bench_once(*_version(data), pad, effects_file).get()
-    return bench
-
-
-def _version(data: str) -> tuple[str, int]:
-    return data, Path(data).stat().st_mtime_ns
+    experiment = _experiment(data, pad)
+    bonded = experiment.units.bonded_default
+    return Bench.from_experiment(experiment, Choices(bonded=bonded, effects_file=effects_file))
 
 
 class _Model(msgspec.Struct):

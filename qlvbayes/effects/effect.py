@@ -8,11 +8,14 @@ from enum import IntEnum
 from typing import Any, ClassVar, Self
 
 from qlvbayes import xp
+from qlvbayes.effects.history import duration
 from qlvbayes.io.checks import InputError
 from qlvbayes.laws.layered import Law, State
 from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.scales import Scales
-from qlvbayes.pytree import Pytree
+from qlvbayes.priors import Normal
+from qlvbayes.priors.distributions import Constant
+from qlvbayes.pytree import Pytree, constant
 from qlvbayes.xp import Array
 
 
@@ -204,3 +207,33 @@ class AbstractClocked(AbstractEffect):
         inner, force = below.step(inner, line)
         clock = clock + line.duration
         return (inner, clock), self.at_clock(force, clock)
+
+
+class AbstractCurve(AbstractEffect):
+    """Effect of no known law: a curve over the study, size (P1 + quadratic P2 + cubic P3).
+
+    P1, P2 and P3 are Legendre polynomials over the pad's clock.
+    """
+
+    size: Constant = constant("fraction", "size of the straight part, of either sign")
+    quadratic: Constant = constant("count", "size of the part P2 over that of the straight one")
+    cubic: Constant = constant("count", "size of the part P3 over that of the straight one")
+    duration: Constant = constant("time", "duration of the study, which is fixed")
+    outside = True
+    reference = "Abramowitz & Stegun 1964, ch. 22"
+
+    @classmethod
+    def scaled(cls, scales: Scales, response: float) -> Self:
+        """Return the effect; response: force (N) that the curve adds where it is one."""
+        curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
+        return cls(scales.signed(_LARGEST * response), *curved, duration(scales))
+
+    def curve(self, clock: Array) -> Array:
+        """Return the curve at times (s) of the pad's clock, from 0 to the duration."""
+        x = xp.clip(2.0 * clock / self.duration - 1.0, -1.0, 1.0)
+        second, third = 0.5 * (3.0 * x**2 - 1.0), 0.5 * (5.0 * x**2 - 3.0) * x
+        return self.size * (x + self.quadratic * second + self.cubic * third)
+
+
+_LARGEST = 2.0
+"""Largest value of P1 + quadratic P2 + cubic P3, within 50 %, at the priors' sd of both."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import ArrayLike
 
@@ -85,12 +83,3 @@ LEVELS = 4.0
 """Prior sd of a slowing over one over the study's duration: it may level off within."""
 REACHED = 0.3
 """Share of rate x duration that a drift reaches at the slowing's median."""
-LARGEST = 2.0
-"""Largest value of `curve`, within 50 %, for ``quadratic`` and ``cubic`` at their priors' sd."""
-
-
-def curve(effect: Any, clock: Array) -> Array:
-    """Return P1 + quadratic P2 + cubic P3, of Legendre, over a clock from 0 to the duration."""
-    x = xp.clip(2.0 * clock / effect.duration - 1.0, -1.0, 1.0)
-    second, third = 0.5 * (3.0 * x**2 - 1.0), 0.5 * (5.0 * x**2 - 3.0) * x
-    return x + effect.quadratic * second + effect.cubic * third

@@ -10,12 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from qlvbayes import xp
-from qlvbayes.effects.effect import AbstractClocked, AbstractEffect, AbstractPointwise, Level
+from qlvbayes.effects.effect import (
+    AbstractClocked,
+    AbstractCurve,
+    AbstractEffect,
+    AbstractPointwise,
+    Level,
+)
 from qlvbayes.effects.history import (
-    LARGEST,
     LEVELS,
     REACHED,
-    curve,
     duration,
     fading,
     resolved_times,
@@ -27,7 +31,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.laws.scales import Scales
 from qlvbayes.laws.smoothmath import exp_slope
-from qlvbayes.priors import HalfNormal, LogUniform, Normal, Uniform
+from qlvbayes.priors import HalfNormal, LogUniform, Uniform
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import Pytree, constant
 from qlvbayes.xp import Array
@@ -95,7 +99,7 @@ class LevellingDrift(ForceDrift):
         return force + self.rate * clock * exp_slope(-self.slowing * clock)
 
 
-class OffsetsByTest(AbstractEffect):
+class OffsetsByTest(AbstractCurve):
     """Offset of each test's force: F = F_below + size (P1 + quadratic P2 + cubic P3).
 
     The Legendre polynomials are taken at the clock of the test's beginning. With force_offset this
@@ -103,26 +107,20 @@ class OffsetsByTest(AbstractEffect):
     """
 
     size: Constant = constant("force", "size of the straight part, of either sign")
-    quadratic: Constant = constant("count", "size of the part P2 over that of the straight one")
-    cubic: Constant = constant("count", "size of the part P3 over that of the straight one")
-    duration: Constant = constant("time", "duration of the study, which is fixed")
     name = "offsets_by_test"
     level = Level.SENSOR
     rank = 3
     off_pad = True
-    outside = True
     not_stepped = "its offset is that of one test of the study, and a step is of none"
     law = "F += size (P1 + quadratic P2 + cubic P3)(start)"
     seen = "all forces of a test shifted alike, each test by its own amount"
-    reference = "Abramowitz & Stegun 1964, ch. 22"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
-        return cls(scales.signed(LARGEST), *curved, duration(scales))
+        return cls.scaled(scales, 1.0)
 
     def force(self, below: Law, motion: Motion) -> Array:
-        return below.force(motion) + self.size * curve(self, motion.start)
+        return below.force(motion) + self.curve(motion.start)
 
 
 class LoadCellCreep(AbstractEffect):

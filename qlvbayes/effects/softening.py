@@ -10,16 +10,15 @@ import numpy as np
 from qlvbayes import xp
 from qlvbayes.effects.effect import (
     AbstractClocked,
+    AbstractCurve,
     AbstractEffect,
     AbstractPointwise,
     Level,
     Protocol,
 )
 from qlvbayes.effects.history import (
-    LARGEST,
     LEVELS,
     REACHED,
-    curve,
     duration,
     fading,
     largest,
@@ -34,7 +33,7 @@ from qlvbayes.laws.motion import Line, Motion
 from qlvbayes.laws.relaxation.prony import Spectrum
 from qlvbayes.laws.scales import Scales, lognormal
 from qlvbayes.laws.smoothmath import exp_slope
-from qlvbayes.priors import HalfNormal, LogUniform, Normal
+from qlvbayes.priors import HalfNormal, LogUniform
 from qlvbayes.priors.distributions import Constant
 from qlvbayes.pytree import constant
 from qlvbayes.xp import Array
@@ -368,28 +367,21 @@ class LevellingLeak(FluidLeak):
         return force * (1.0 - lost)
 
 
-class SlowChange(AbstractClocked):
+class SlowChange(AbstractCurve, AbstractClocked):
     """Slow change of the scale: F = F_below (1 + size (P1 + quadratic P2 + cubic P3)).
 
     P1, P2 and P3 are Legendre polynomials over the clock.
     """
 
-    size: Constant = constant("fraction", "size of the straight part, of either sign")
-    quadratic: Constant = constant("count", "size of the part P2 over that of the straight one")
-    cubic: Constant = constant("count", "size of the part P3 over that of the straight one")
-    duration: Constant = constant("time", "duration of the study, which is fixed")
     name = "slow_change"
     level = Level.SCALING
     rank = 2
-    outside = True
     law = "F -> F (1 + size (P1 + quadratic P2 + cubic P3)(t))"
     seen = "tests weaker or stronger as the clock runs, not all one way"
-    reference = "Abramowitz & Stegun 1964, ch. 22"
 
     @classmethod
     def default(cls, scales: Scales) -> Self:
-        curved = Normal(0.0, 1.0), Normal(0.0, 1.0)
-        return cls(scales.signed(LARGEST * scales.force), *curved, duration(scales))
+        return cls.scaled(scales, scales.force)
 
     def at_clock(self, force: Array, clock: Array) -> Array:
-        return force * (1.0 + self.size * curve(self, clock))
+        return force * (1.0 + self.curve(clock))
