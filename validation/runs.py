@@ -25,7 +25,7 @@ from qlvbayes.io.files import write_whole
 _PLAIN = ("index", "kind", "verdict", "seen", "peak_N")
 _NESTED = (
     "strata", "names", "kin", "effects", "group", "base", "rig", "seconds", "refused",
-    "probabilities", "log_bayes_factors", "support", "errors",
+    "probabilities", "log_bayes_factors", "support", "guess", "errors",
 )  # fmt: skip
 _FACTS = ("run", "rig", "seed", "registered", "finished", "seen", "date", "commit", "new")
 
@@ -114,5 +114,6 @@ def _kept(case: Case) -> dict[str, Any]:
         "probabilities": likely,
         "log_bayes_factors": {n: case["log_bayes_factors"][n] for n in likely},
         "support": {n: s for n, s in case.get("support", {}).items() if n in likely},
+        "guess": {n: p for n, p in case.get("guess", {}).items() if n in likely},
         "errors": errors_of(case),
     }

@@ -14,6 +14,7 @@ from blind.visible import SEEN, visible
 from qlvbayes.diagnosis.diagnose import diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult, Estimate, Stage
 from qlvbayes.diagnosis.settings import DiagnosisSettings
+from qlvbayes.guess.guess import first_guess
 from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 
@@ -40,7 +41,10 @@ def run_case(population: Population, index: int) -> Case:
     between = time.perf_counter()
     choices = Choices(noise="white") if item.levels["noise"] == "white" else Choices()
     try:
-        case |= verdict_of(diagnose(prepare(study.pad), choices, settings=THRESHOLDS).result)
+        experiment = prepare(study.pad)
+        case |= verdict_of(diagnose(experiment, choices, settings=THRESHOLDS).result)
+        guess = first_guess(experiment, choices)
+        case["guess"] = {name: one.probability for name, one in guess.effects.items()}
     except Exception as error:  # one bad study must not end a run of hundreds
         text = f"{type(error).__name__}: {error}"
         case |= {"verdict": FAILED, "error": text, "effects": [], "group": []}
