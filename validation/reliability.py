@@ -153,6 +153,20 @@ asked, so that the share is an upper bound.
     ),
     (
         """
+### Would another evidence decide better?
+
+Studies of *support* are searched once more, and the modes that were found are evaluated again
+(`validation/experiments.py`): with other weights of the candidates' signatures in the discrepancy;
+with sets of up to five effects that a joint sparse choice over all effects proposes; and with three
+states of an effect, present, mimicked (another strength in each test) or absent. Each answers by
+probabilities alone, without support and certainty. Studies, code and rules were committed before. A
+variant was to be adopted if its log loss is lower by more than two standard errors, without more
+wrong names.
+""",
+        lambda: Table.read("experiments").markdown(),
+    ),
+    (
+        """
 90 % intervals of the constants that contain the truth, where on the paper's rig one effect is
 hidden and can be seen, and the laws of the answer are the pad's:
 """,

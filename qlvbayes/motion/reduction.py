@@ -187,8 +187,7 @@ def _doubtful(time: Array, trajectory: Trajectory, phases: Sequence[Phase]) -> A
     at = np.clip(np.searchsorted(time, kinks), 1, time.size - 1)
     reach = _MARGIN * (time[at] - time[at - 1])
     spared = reach <= _SPARED * around
-    with np.errstate(divide="ignore"):
-        unsure = np.where(jumps > 0.0, trajectory.resolution / jumps, 0.0)
+    unsure = np.divide(trajectory.resolution, jumps, out=np.zeros(kinks.size), where=jumps > 0.0)
     reach += np.minimum(unsure, _SPARED * around)
     return np.stack([kinks - reach, kinks + reach], axis=1)[spared]
 

@@ -1,5 +1,6 @@
 """Block averages: no sample lost, exact nodes, and as much learned as from every sample."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -141,6 +142,16 @@ def test_a_record_that_begins_on_the_move_is_given_its_approach():
     assert motion.time[0] == pytest.approx(0.0, abs=1e-6)
     assert motion.displacement[0] == 0.0
     assert np.allclose(motion.displacement, 1.5 * motion.time, atol=1e-6)
+
+
+def test_a_start_from_rest_that_is_known_exactly_makes_no_reading_doubtful():
+    """No speed jumps where a record begins with an acceleration."""
+    time = np.arange(0.0, 1.0, 1e-2)
+    trajectory = smooth(time, time**2)
+    still = np.zeros_like(trajectory.start_velocity)
+    exact = replace(trajectory, start_velocity=still, resolution=0.0)
+    assert exact.start_acceleration[0] > 0.0
+    assert clear_of_kinks(time, exact, find_phases(exact)).mean() > 0.95
 
 
 def model_over(*records):
