@@ -34,20 +34,24 @@ _LONG = 2.0  # ways of the step for which a guide slides on at one force, unlike
 _FLAT = 0.1  # share of that force by which it may change until contact
 UNLIKELY = 12.0  # log likelihood below the best power's, beyond which a power is ignored
 
+Form = tuple[float, float]
+"""A beginning of the force at contact: with a power of depth, after a jump (N) of drag."""
+FORMS: tuple[Form, ...] = tuple((power, 0.0) for power in (1.0, 1.5, 2.0, 2.5, 3.0))
+"""The forms of a test without drag, equally probable beforehand."""
+
 
 @dataclass(frozen=True)
 class Signs:
     """Factors of displacement and force, -1 where the sign changes, and any doubt.
 
-    ``swing`` is the larger excursion of the force from its start over the other one; ``travel`` is
-    the displacement at the peak force, from the start, as a share of the whole travel. ``rank`` is
-    how much it decides on others of its file: 2 where it begins at rest, 1 where it begins loaded
-    and the force grows, 0 where it is in doubt, as one that begins at its largest force.
+    ``travel`` is the displacement at the peak force, from the start, as a share of the whole
+    travel. ``rank`` is how much it decides on others of its file: 2 where it begins at rest, 1
+    where it begins loaded and the force grows, 0 where it is in doubt, as one that begins at its
+    largest force.
     """
 
     way: int
     load: int
-    swing: float
     travel: float
     doubt: str = ""
     rank: int = 2
@@ -58,46 +62,39 @@ def find_signs(way: Floats, load: Floats) -> Signs:
     start = force_at_start(way, load)
     up, down = float(load.max()) - start, start - float(load.min())
     if up == down == 0.0:  # a force that never changes presses, and what creeps goes with it
-        return Signs(1 if way[-1] >= way[0] else -1, 1 if start >= 0.0 else -1, 1.0, 1.0)
+        return Signs(1 if way[-1] >= way[0] else -1, 1 if start >= 0.0 else -1, 1.0)
     sign = 1 if up >= down else -1
-    swing = max(up, down) / max(min(up, down), 1e-3 * max(up, down))
     peak = int(np.argmax(sign * load))
     span = float(way.max() - way.min())
     travel = float(way[peak] - way[0]) / span if span else 0.0
-    signs = (1 if travel >= 0.0 else -1), sign
+    side = 1 if travel >= 0.0 else -1
     loaded = abs(start) > _REST * float(np.abs(load).max())
-    if swing < _PLAIN:
+    doubt = ""
+    if max(up, down) < _PLAIN * min(up, down):
         doubt = f"the force swings to both sides ({up:.3g} up, {down:.3g} down)"
     elif abs(travel) < _TRAVEL:
         doubt = f"the peak force lies {abs(travel):.0%} of the travel from the start"
-    elif loaded and sign * start < 0.0 and not _begins_in_air(signs[0] * way, sign * load):
-        doubt = f"the force is largest where the test begins ({start:.3g}), as in a retraction"
-    else:
-        doubt = ""
-    return Signs(*signs, swing, abs(travel), doubt, 0 if doubt else 1 if loaded else 2)
+    elif loaded and sign * start < 0.0:
+        contact = find_contact(side * way, sign * load)  # in the air the force has any zero
+        if contact is None or not contact.is_beyond(float(side * way[0])):
+            doubt = f"the force is largest where the test begins ({start:.3g}), as in a retraction"
+    return Signs(side, sign, abs(travel), doubt, 0 if doubt else 1 if loaded else 2)
 
 
-def _begins_in_air(way: Floats, load: Floats) -> bool:
-    """Return whether the force stays at first while the platen moves, whatever its zero is."""
-    contact = find_contact(way, load)
-    return contact is not None and contact.is_beyond(float(way[0]))
+def rest_of(way: Floats, share: float = _STILL) -> int:
+    """Return the number of rows at the first position, within a share of the travel; 0 for all."""
+    return int(np.argmax(np.abs(way - way[0]) > share * float(np.ptp(way))))
 
 
 def force_at_start(way: Floats, load: Floats) -> float:
     """Return the median force until the platen has moved."""
-    moved = int(np.argmax(np.abs(way - way[0]) > _MOVED * float(np.ptp(way))))
-    return float(np.median(load[: max(moved, 1)]))
+    return float(np.median(load[: max(rest_of(way, _MOVED), 1)]))
 
 
 def level_at_rest(way: Floats, load: Floats) -> tuple[float, float]:
     """Return the mean force at the first position, and its standard error."""
     rest = load[: max(rest_of(way), 1)]
     return float(rest.mean()), float(rest.std()) / float(np.sqrt(max(_independent(rest), 1.0)))
-
-
-def rest_of(way: Floats) -> int:
-    """Return the number of rows at the first position; 0 where all are."""
-    return int(np.argmax(np.abs(way - way[0]) > _STILL * float(np.ptp(way))))
 
 
 def scatter(values: Floats) -> float:
@@ -107,10 +104,10 @@ def scatter(values: Floats) -> float:
 
 def is_dead(way: Floats, load: Floats) -> bool:
     """Return whether the force does not respond to the displacement, and is noise only."""
-    deep = np.abs(way - way[0]) > 0.5 * float(np.abs(way - way[0]).max())
-    moved = int(np.argmax(np.abs(way - way[0]) > _MOVED * float(np.ptp(way))))
+    away, moved = np.abs(way - way[0]), rest_of(way, _MOVED)
     noise = max(scatter(load), float(np.std(load[:moved])) if moved >= _LEAST else 0.0)
-    response = abs(float(np.median(load[deep])) - force_at_start(way, load))
+    deep = load[away > 0.5 * float(away.max())]
+    response = abs(float(np.median(deep)) - force_at_start(way, load))
     return response < _NOTHING * noise and float(np.std(load)) < _NOTHING * noise
 
 
@@ -118,27 +115,6 @@ def is_driven_back(way: Floats) -> bool:
     """Return whether a displacement goes back by half of its travel, as nothing creeps."""
     deepest = int(np.argmax(np.abs(way - way[0])))
     return abs(float(way[-1] - way[deepest])) > 0.5 * abs(float(way[deepest] - way[0]))
-
-
-@dataclass(frozen=True)
-class OnsetForm:
-    """A beginning of the force at contact: with a power of depth, after a jump (N) of drag."""
-
-    power: float
-    jump: float = 0.0
-
-
-FORMS = tuple(OnsetForm(power) for power in (1.0, 1.5, 2.0, 2.5, 3.0))
-"""The forms of a test without drag, equally probable beforehand."""
-
-
-@dataclass(frozen=True)
-class Onset:
-    """Point of contact if the force begins with one form, with its standard error."""
-
-    position: float
-    sd: float
-    height: float  # log likelihood, less that of the likeliest form
 
 
 @dataclass(frozen=True)
@@ -186,12 +162,19 @@ def find_contact(way: Floats, load: Floats, *, at_zero: bool = False) -> FirstCo
     (n,) may be in any units. ``at_zero``: whether it begins at the file's own zero, where a soft
     rise is taken for no late contact. Lin, Dimitriadis & Horkay 2007, doi:10.1115/1.2800826.
     """
-    tried = [_fitted(way, load, level) for level in _LEVELS]
-    for level in _HIGHER:  # a soft rise looks late here: below, it has too few rows, or no approach
-        known = sum(one is not None if at_zero else bool(one) for one in tried)
-        if known < _WANTED:
-            tried.append(_fitted(way, load, level))
-    fits = [fit for some in tried for fit in some or ()]
+    fits: list[FirstContact] = []
+    known = 0
+    for level in (*_LEVELS, *_HIGHER):
+        # a soft rise looks late high up: below, it has too few rows, or no approach
+        if level in _HIGHER and known >= _WANTED:
+            break
+        d, f = _risen(way, load, level)
+        found = _onsets(d, f, FORMS) if len(d) >= _LEAST + _FEW and d[-1] > d[0] else None
+        known += found is not None and (at_zero or len(found) > 0)
+        if found is not None and len(found):
+            force = f[d <= found[np.argmax(found[:, 2]), 0]]
+            own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
+            fits.append(FirstContact(*mean_over_forms(found), float(force.mean()), own, 0, level))
     if not fits:
         return None
     middle = fits[min(_MIDDLE, len(fits) - 1)]
@@ -208,26 +191,19 @@ def find_contact(way: Floats, load: Floats, *, at_zero: bool = False) -> FirstCo
 def first_rises(
     way: Floats, load: Floats, *, at_zero: bool
 ) -> tuple[FirstContact | None, FirstContact | None]:
-    """Return the first contact of a test, and the one after sliding if what rises first may rub."""
-    contact = find_contact(way, load, at_zero=at_zero)
-    if contact is not None and contact.is_beyond(float(way[0])):
-        return contact, None
-    return contact, contact_after_sliding(way, load)
+    """Return the first contact of a test, and the one after sliding if what rises first may rub.
 
-
-def contact_after_sliding(way: Floats, load: Floats) -> FirstContact | None:
-    """Return the first contact of a platen whose guide rubs, or None.
-
-    As the platen begins to move the force steps to another level, at which it stays for a way at
-    least ``_LONG`` times as long as that of the step, and then begins to rise as at a contact.
+    As a platen whose guide rubs begins to move, the force steps to another level, at which it stays
+    for a way at least ``_LONG`` times as long as that of the step, and then begins to rise as at a
+    contact.
     """
-    travel = float(np.ptp(way))
+    contact = find_contact(way, load, at_zero=at_zero)
     moved = rest_of(way)
-    if moved < _LEAST:
-        return None
+    if (contact is not None and contact.is_beyond(float(way[0]))) or moved < _LEAST:
+        return contact, None
     noise, (rest, sd) = float(np.std(load[:moved])), level_at_rest(way, load)
     for share in _SLIDING:
-        first = int(np.argmax(way - way[0] > share * travel))
+        first = int(np.argmax(way - way[0] > share * float(np.ptp(way))))
         found = find_contact(way[first:], load[first:])
         if found is None or not found.is_beyond(float(way[first])):
             continue
@@ -237,8 +213,10 @@ def contact_after_sliding(way: Floats, load: Floats) -> FirstContact | None:
         flat = abs(float(np.mean(late) - np.mean(early))) < _FLAT * abs(step)
         if long and flat and abs(step) > _STEP * max(noise, float(np.std(late))):
             rows = first + found.rows
-            return replace(found, force=rest, tare_sd=sd, rows=rows, sliding=step, slid=first)
-    return None
+            return contact, replace(
+                found, force=rest, tare_sd=sd, rows=rows, sliding=step, slid=first
+            )
+    return contact, None
 
 
 def most_slide(sliding: Sequence[FirstContact | None]) -> bool:
@@ -249,24 +227,14 @@ def most_slide(sliding: Sequence[FirstContact | None]) -> bool:
     return sum(one is not None for one in sliding) > max(1.0, 0.5 * len(sliding))
 
 
-def _fitted(way: Floats, load: Floats, level: float) -> list[FirstContact] | None:
-    """Return [contact], [] where the test begins in contact, None where too few rows say so."""
-    d, f = _risen(way, load, level)
-    found = onsets(d, f, FORMS) if len(d) >= _LEAST + _FEW and d[-1] > d[0] else None
-    if not found:
-        return None if found is None else []
-    best = max(found, key=lambda onset: onset.height)
-    force = f[d <= best.position]
-    own = float(np.std(force)) / np.sqrt(max(_independent(force), 1.0))
-    point, sd = mean_over_forms(found)
-    return [FirstContact(point, sd, float(force.mean()), own, 0, level)]
+def onsets_of(way: Floats, load: Floats, level: float, forms: Sequence[Form]) -> Floats | None:
+    """Return (forms, 3) of the rise up to a share of the peak force.
 
-
-def onsets_of(
-    way: Floats, load: Floats, level: float, forms: Sequence[OnsetForm]
-) -> tuple[Onset, ...] | None:
-    """Return the point of contact for each form, from the rise up to a share of the peak force."""
-    return onsets(*_risen(way, load, level), forms)
+    Each row has the point of contact if the force begins with that form, its standard error, and
+    the log likelihood less that of the likeliest form. There is no row where few readings lie
+    before the best point, and they are unknown (None) where few lie beyond.
+    """
+    return _onsets(*_risen(way, load, level), forms)
 
 
 def _risen(way: Floats, load: Floats, level: float) -> tuple[Floats, Floats]:
@@ -274,15 +242,14 @@ def _risen(way: Floats, load: Floats, level: float) -> tuple[Floats, Floats]:
     first = force_at_start(way, load)
     top = first + level * (float(load.max()) - first)
     peak = int(np.argmax(load >= first + 0.9 * (float(load.max()) - first)))
-    last = peak - int(np.argmax(load[peak::-1] <= top))  # the last row of the rise below the level
-    return _averaged(way[: last + 1]), _averaged(load[: last + 1])
+    size = peak - int(np.argmax(load[peak::-1] <= top)) + 1  # up to the last row below the level
+    count = -(-size // _MOST)  # rows of a mean
+    whole = size // count * count
+    d, f = (values[:whole].reshape(-1, count).mean(axis=1) for values in (way, load))
+    return d, f
 
 
-def onsets(d: Floats, f: Floats, forms: Sequence[OnsetForm]) -> tuple[Onset, ...] | None:
-    """Return the point of contact for each form.
-
-    There is none where few rows lie before the best, and it is unknown (None) where few lie beyond.
-    """
+def _onsets(d: Floats, f: Floats, forms: Sequence[Form]) -> Floats | None:
     tried = [_best_point(d, f, form) for form in forms]
     misfits, points = (np.array(column) for column in zip(*tried, strict=True))
     best = int(np.argmin(misfits))
@@ -290,22 +257,23 @@ def onsets(d: Floats, f: Floats, forms: Sequence[OnsetForm]) -> tuple[Onset, ...
     if np.count_nonzero(~before) < _FEW:
         return None
     if np.count_nonzero(before) < _LEAST:
-        return ()
-    rise = _rises(d, f, float(points[best]), forms[best])
-    free = max(_independent(f - rise) - _CONSTANTS, 1.0)
+        return np.empty((0, 3))
+    _, a, b, rise, further = _solved(d, f, points[best : best + 1], forms[best])
+    fitted = a * rise[0] + b * further[0] + forms[best][1] * (d > points[best])
+    free = max(_independent(f - (fitted - fitted.mean() + f.mean())) - _CONSTANTS, 1.0)
     least = max(float(misfits[best]), _EXACT * float(f @ f))
     heights = -0.5 * free * np.log(np.maximum(misfits, least) / least)
-    found = []
-    for form, point, misfit, height in zip(forms, points, misfits, heights, strict=True):
-        allowed = max(float(misfit), least) * (1.0 + 1.0 / free)
-        width = _width(d, f, form, float(point), allowed) if height > -UNLIKELY else 0.0
-        found.append(Onset(float(point), width, float(height)))
-    return tuple(found)
+    limits = np.maximum(misfits, least) * (1.0 + 1.0 / free)
+    sds = [
+        _width(d, f, form, float(point), float(limit)) if height > -UNLIKELY else 0.0
+        for form, point, limit, height in zip(forms, points, limits, heights, strict=True)
+    ]
+    return np.stack([points, sds, heights], axis=1)
 
 
-def mean_over_forms(found: Sequence[Onset]) -> tuple[float, float]:
-    """Return mean and sd of the point of contact over the forms with which force may begin."""
-    points, sds, heights = np.array([(o.position, o.sd, o.height) for o in found]).T
+def mean_over_forms(found: Floats) -> tuple[float, float]:
+    """Return mean and sd of the point of contact over the forms (forms, 3) of `onsets_of`."""
+    points, sds, heights = found.T
     likely = heights - heights.max() > -UNLIKELY
     shares = np.exp(heights[likely] - heights.max())
     weights = shares * sds[likely]
@@ -316,7 +284,7 @@ def mean_over_forms(found: Sequence[Onset]) -> tuple[float, float]:
     return point, float(np.sqrt(weights @ (sds[likely] ** 2 + (points[likely] - point) ** 2)))
 
 
-def _best_point(d: Floats, f: Floats, form: OnsetForm) -> tuple[float, float]:
+def _best_point(d: Floats, f: Floats, form: Form) -> tuple[float, float]:
     """Return the least squared error of a form, and its point of contact."""
     low, high = float(d.min()), float(d[-_FEW])
     for _ in range(_ROUNDS):
@@ -327,32 +295,16 @@ def _best_point(d: Floats, f: Floats, form: OnsetForm) -> tuple[float, float]:
     return float(errors[best]), float(points[best])
 
 
-def _averaged(values: Floats) -> Floats:
-    """Return means of as many rows in turn as leave ``_MOST`` means at most."""
-    count = -(-len(values) // _MOST)
-    if count == 1:
-        return values
-    whole = len(values) // count * count
-    return values[:whole].reshape(-1, count).mean(axis=1)
-
-
-def _rises(d: Floats, f: Floats, point: float, form: OnsetForm) -> Floats:
-    """Return the best F0 + a x^p + b x^(p+1) (n,) of a point of contact, with the form's jump."""
-    _, a, b, rise, further = _solved(d, f, np.array([point]), form)
-    rises = a[:, None] * rise + b[:, None] * further + form.jump * (d > point)
-    return np.asarray((rises - rises.mean(axis=1, keepdims=True))[0] + f.mean())
-
-
-def _solved(d: Floats, f: Floats, points: Floats, form: OnsetForm) -> tuple[Floats, ...]:
+def _solved(d: Floats, f: Floats, points: Floats, form: Form) -> tuple[Floats, ...]:
     """Return least squared errors, a and b (points,), and their x^p and x^(p+1) (points, n)."""
-    power, span, count = form.power, float(d[-1] - d.min()), f.size
+    (power, jump), span, count = form, float(d[-1] - d.min()), f.size
     x = np.maximum(d - points[:, None], 0.0) / span
     reach = np.maximum(d.max() - points, 0.0) / span
     whole, half = divmod(power, 1.0)  # powers are halves, which need no logarithm
     rise = x if whole == 1.0 else x * x if whole == 2.0 else x * x * x
     rise = rise * np.sqrt(x) if half else rise
     further = rise * x
-    y = f - form.jump * (d > points[:, None]) if form.jump else f
+    y = f - jump * (d > points[:, None]) if jump else f
     y = y - y.mean(axis=-1, keepdims=True)
     first, second = rise.sum(axis=1), further.sum(axis=1)
     aa = np.einsum("pn,pn->p", rise, rise) - first * first / count
@@ -367,15 +319,14 @@ def _solved(d: Floats, f: Floats, points: Floats, form: OnsetForm) -> tuple[Floa
     regular = risen & (volume > _SINGULAR * aa * bb) & (volume > np.finfo(float).tiny)
     divisor = np.where(regular, volume, 1.0)
     a, b = (bb * ay - ab * by) / divisor, (aa * by - ab * ay) / divisor
-    rises = regular & (a >= 0.0)
-    rises &= power * a + (power + 1.0) * b * reach >= 0.0
+    rises = regular & (a >= 0.0) & (power * a + (power + 1.0) * b * reach >= 0.0)
     a = np.where(rises, a, np.maximum(risen * ay / np.where(risen, aa, 1.0), 0.0))
     b = np.where(rises, b, 0.0)
     errors = yy - 2.0 * (a * ay + b * by) + a * a * aa + 2.0 * a * b * ab + b * b * bb
     return np.maximum(errors, 0.0), a, b, rise, further
 
 
-def _width(d: Floats, f: Floats, form: OnsetForm, point: float, allowed: float) -> float:
+def _width(d: Floats, f: Floats, form: Form, point: float, allowed: float) -> float:
     """Return half the width of the points whose squared error stays below ``allowed``."""
     ends = []
     for end, outward in ((float(d.min()), slice(None)), (float(d[-_FEW]), slice(None, None, -1))):

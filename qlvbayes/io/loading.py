@@ -18,7 +18,6 @@ from qlvbayes.io.contact import (
     FirstContact,
     Signs,
     find_signs,
-    force_at_start,
     is_driven_back,
     rest_of,
     scatter,
@@ -53,7 +52,6 @@ FILE = "file"  # value of --contact that stands for the file's own zero
 _REST = 0.01  # share of the peak force below which a test begins without force
 _NEAR = 0.01  # share of the travel within which a first row is at the file's own zero
 _AGREES = 2.0  # standard errors within which two values agree
-_RISEN = 0.3  # share of the peak force at which the speed of the approach is read
 
 
 @dataclass(frozen=True)
@@ -150,20 +148,6 @@ class Loaded:
         return self.recording.name or self.file.stem
 
     @property
-    def as_written(self) -> str:
-        """Return its columns with their units, as the file writes them."""
-        one = self.recording
-        columns = [
-            f"{c.name} ({c.unit})" if c.unit else c.name for c in (one.time, one.way, one.load)
-        ]
-        return ", ".join(columns)
-
-    @property
-    def of_layout(self) -> tuple[str, str, str]:
-        """Return what is equal for recordings whose columns have the same signs."""
-        return self.format.name, self.recording.way.name, self.recording.load.name
-
-    @property
     def stage(self) -> tuple[object, ...]:
         """Return what is equal for recordings whose displacement may have one zero."""
         return self.pad, self.format.name, self.units, self.signs.way
@@ -184,16 +168,6 @@ class Loaded:
         )
 
     @property
-    def speed(self) -> float:
-        """Return the speed from before contact until the force has risen, 0 where it shows none."""
-        before = max(self.contact.rows - 1, 0) if self.contact is not None else 0
-        start = force_at_start(self.displacement, self.force)
-        risen = self.force[before + 1 :] >= start + _RISEN * (self.peak - start)
-        after = before + 1 + int(np.argmax(risen))
-        moved = float(self.displacement[after] - self.displacement[before])
-        return abs(moved) / float(self.time[after] - self.time[before])
-
-    @property
     def force_at_first(self) -> float:
         """Return the force at the first position alone: in a test that moves at once it rises."""
         return float(np.median(self.force[: max(self.moved, 1)]))
@@ -202,11 +176,6 @@ class Loaded:
     def moved(self) -> int:
         """Return the first row that is not at the first position."""
         return rest_of(self.displacement)
-
-    @property
-    def begins_without_force(self) -> bool:
-        """Return whether the force at the first position is none, within the noise."""
-        return self.begins_with(0.0)
 
     def begins_with(self, force: float) -> bool:
         """Return whether the force at the first position is this one, within the noise."""

@@ -109,7 +109,7 @@ def _mixed(read: Sequence[Loaded], files: Sequence[Path]) -> tuple[str, ...]:
     for pad in dict.fromkeys(one.pad for one in read):
         own = {one.file: one for one in reversed(read) if one.pad == pad}
         begin = {file: _beginning(file) for file in own}
-        kinds = {file: f"{one.as_written}, {one.format.name}" for file, one in own.items()}
+        kinds = {file: _columns_of(one) for file, one in own.items()}
         for what, of in (("names", begin), ("columns or units", kinds)):
             groups = list(dict.fromkeys(of[file] for file in files if file in of))
             if len(groups) < 2:
@@ -124,6 +124,12 @@ def _mixed(read: Sequence[Loaded], files: Sequence[Path]) -> tuple[str, ...]:
             )
             break
     return tuple(remarks)
+
+
+def _columns_of(one: Loaded) -> str:
+    channels = (one.recording.time, one.recording.way, one.recording.load)
+    columns = [f"{c.name} ({c.unit})" if c.unit else c.name for c in channels]
+    return ", ".join([*columns, one.format.name])
 
 
 def _beginning(file: Path) -> str:

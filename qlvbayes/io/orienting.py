@@ -83,7 +83,7 @@ def _signs(one: Loaded, every: Sequence[Loaded], answers: Answers) -> Signs:
         return replace(one.signs, way=of_way, load=of_load, doubt="")
     if one.recording.pressing:
         return replace(one.signs, way=1, load=1, doubt="")
-    alike = [other for other in every if other.of_layout == one.of_layout and other.signs.rank]
+    alike = [other for other in every if _layout(other) == _layout(one) and other.signs.rank]
     within = [other for other in alike if other.file == one.file]
     if within:
         first = max(within, key=lambda other: (other.signs.rank, float(np.ptp(other.force))))
@@ -93,6 +93,10 @@ def _signs(one: Loaded, every: Sequence[Loaded], answers: Answers) -> Signs:
         raise _unsure_of_sign(one.file, one.signs.doubt)
     way, load = found.pop()
     return replace(one.signs, way=way, load=load, doubt="")
+
+
+def _layout(one: Loaded) -> tuple[str, str, str]:
+    return one.format.name, one.recording.way.name, one.recording.load.name
 
 
 def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:

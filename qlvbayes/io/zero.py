@@ -27,8 +27,6 @@ from qlvbayes.io.contact import (
     FORMS,
     UNLIKELY,
     FirstContact,
-    Onset,
-    OnsetForm,
     force_at_start,
     level_at_rest,
     mean_over_forms,
@@ -49,6 +47,9 @@ _TINY = 1e-12  # share of the positions' size that an error has at least
 _NEAR = 0.01  # share of the travel before its start in which a stated contact may lie
 _AGREES = 2.0  # standard errors within which the file's own zero is kept
 _ENOUGH = 2  # files whose contacts have to agree for others to take theirs
+_RISEN = 0.3  # share of the peak force at which the speed of the approach is read
+
+# The contacts of a stage
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,16 @@ class StageContact:
         return abs(self.position) <= _AGREES * self.sd
 
 
+def _speed(one: Loaded) -> float:
+    """Return the speed (1/s) from before contact until the force has risen."""
+    before = max(one.contact.rows - 1, 0) if one.contact is not None else 0
+    start = force_at_start(one.displacement, one.force)
+    risen = one.force[before + 1 :] >= start + _RISEN * (one.peak - start)
+    after = before + 1 + int(np.argmax(risen))
+    moved = float(one.displacement[after] - one.displacement[before])
+    return abs(moved) / float(one.time[after] - one.time[before])
+
+
 def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[StageContact]:
     """Return the contacts on which tests of a stage agree, that of the most first."""
     shown = {
@@ -78,7 +89,7 @@ def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[
         for k, one in enumerate(tests)
         if one.stage == stage and one.contact is not None and one.approached
     }
-    speeds = {k: tests[k].speed for k in shown}
+    speeds = {k: _speed(tests[k]) for k in shown}
     left = sorted(shown, key=lambda k: (speeds[k], shown[k].sd, shown[k].position))
     stages: list[StageContact] = []
     while left:
@@ -88,23 +99,19 @@ def _stage_contacts(tests: Sequence[Loaded], stage: tuple[object, ...]) -> list[
             if len(groups[-1]) == len(left):
                 break
         largest = max(groups, key=len)  # of equals that with the slowest file
-        own, contacts = [tests[k] for k in largest], [shown[k] for k in largest]
+        contacts = [shown[k] for k in largest]
         position, sd = contacts[0].position, contacts[0].sd
-        if len(own) > 1:
-            position, sd = _joint_position(own, contacts)
-        stages.append(StageContact(position, sd, *_another_rest(contacts), tuple(sorted(largest))))
+        forces = np.array([contact.force for contact in contacts])
+        tare_sd = max(contact.tare_sd for contact in contacts)
+        if len(largest) > 1:
+            own_speeds = np.array([speeds[k] for k in largest])
+            position, sd = _joint_position([tests[k] for k in largest], contacts, own_speeds)
+            scatter = float(forces.std(ddof=1)) * (1.0 + 1.0 / forces.size) ** 0.5
+            tare_sd = max(tare_sd, scatter)  # of the force of one file more
+        members = tuple(sorted(largest))
+        stages.append(StageContact(position, sd, float(forces.mean()), tare_sd, members))
         left = [k for k in left if k not in largest]
     return stages
-
-
-def _another_rest(contacts: Sequence[FirstContact]) -> tuple[float, float]:
-    """Return the force at rest of one file more of a stage, and its standard error."""
-    forces = np.array([contact.force for contact in contacts])
-    measured = max(contact.tare_sd for contact in contacts)
-    if forces.size == 1:
-        return float(forces[0]), measured
-    scatter = float(forces.std(ddof=1)) * (1.0 + 1.0 / forces.size) ** 0.5
-    return float(forces.mean()), max(measured, scatter)
 
 
 def _agreeing(
@@ -145,62 +152,48 @@ def _line(positions: Floats, sds: Floats, speeds: Floats) -> tuple[Floats, Float
 
 
 def _joint_position(
-    tests: Sequence[Loaded], contacts: Sequence[FirstContact]
+    tests: Sequence[Loaded], contacts: Sequence[FirstContact], speeds: Floats
 ) -> tuple[float, float]:
-    speeds = np.array([one.speed for one in tests])
-    peak = max(one.peak for one in tests)
-    drags = _DRAGS if speeds.max() > _FASTER * speeds.min() else _DRAGS[:1]
-    pairs = list(zip(tests, contacts, strict=True))
-    found = []
-    for (one, contact), speed in zip(pairs, speeds, strict=True):
-        jumps = [drag * peak * speed / speeds.max() for drag in drags]
-        forms = [OnsetForm(form.power, jump) for jump in jumps for form in FORMS]
-        slid = contact.slid
-        found.append(onsets_of(one.displacement[slid:], one.force[slid:], contact.level, forms))
-    if sum(map(bool, found)) < 2:  # without drag each shows its own contact
+    """Return the contact that files (n,) with these speeds show together, and its error."""
+    jump = max(one.peak for one in tests) * speeds / speeds.max()
+    found: list[Floats | None] = []
+    # a press of few rows may show a contact without drag, and none where drag is likelier
+    for drags in (_DRAGS if speeds.max() > _FASTER * speeds.min() else _DRAGS[:1], _DRAGS[:1]):
         found = [
-            onsets_of(one.displacement[c.slid :], one.force[c.slid :], c.level, FORMS)
-            for one, c in pairs
-        ]
-    # A press of few rows may show a contact without drag, and none where drag is likelier.
-    telling = [k for k, onsets in enumerate(found) if onsets]
+            onsets_of(
+                one.displacement[contact.slid :], one.force[contact.slid :], contact.level,
+                [(power, float(drag * jump[k])) for drag in drags for power, _ in FORMS],
+            )
+            for k, (one, contact) in enumerate(zip(tests, contacts, strict=True))
+        ]  # fmt: skip
+        telling = [k for k, rows in enumerate(found) if rows is not None and len(rows)]
+        if len(telling) > 1:
+            break
     spacings = np.array([contacts[k].spacing for k in telling])
     own = np.array([contacts[k].sd for k in telling])
-    joint = [
-        _over_files(onsets, spacings, own, speeds[telling])
-        for onsets in zip(*(found[k] for k in telling), strict=True)
-    ]
-    position, sd = mean_over_forms(joint)
+    by_form = np.stack([rows for k in telling if (rows := found[k]) is not None], axis=1)
+    joint = [_over_files(rows, spacings, own, speeds[telling]) for rows in by_form]
+    position, sd = mean_over_forms(np.array(joint))
     weights = np.array([contact.sd for contact in contacts]) ** -2.0
     choices = np.array([contact.choice for contact in contacts])
     common = float(np.average(choices**2, weights=weights))
     return position, float(np.sqrt(sd**2 + common))
 
 
-def _over_files(onsets: Sequence[Onset], spacings: Floats, own: Floats, speeds: Floats) -> Onset:
-    """Return the contact that all files show if the force begins with one form."""
-    height = sum(max(onset.height, -UNLIKELY) for onset in onsets)
-    errors = np.hypot([onset.sd for onset in onsets], spacings)
+def _over_files(
+    onsets: Floats, spacings: Floats, own: Floats, speeds: Floats
+) -> tuple[float, float, float]:
+    """Return position, sd and height of the contact that files (n, 3) show with one form."""
+    positions, sds, heights = onsets.T
+    errors = np.hypot(sds, spacings)
     errors = np.where(errors > 0.0, errors, own)  # an unlikely form has no error of its own
-    positions = np.array([onset.position for onset in onsets])
     mean, covariance, misfit = _line(positions, errors, speeds - speeds.min())
-    scatter = max(misfit / (len(onsets) - 1), 1.0)
-    sd = float(np.sqrt(covariance[0, 0] * scatter))
-    return Onset(float(mean[0]), sd, height - 0.5 * misfit)
+    scatter = max(misfit / (len(positions) - 1), 1.0)
+    height = float(np.maximum(heights, -UNLIKELY).sum()) - 0.5 * misfit
+    return float(mean[0]), float(np.sqrt(covariance[0, 0] * scatter)), height
 
 
-def _with_zero(
-    one: Loaded, zero: float, tare: float, finding: str, contact: FirstContact | None, **more: Any
-) -> Loaded:
-    """Return a test with its zeros, the contact that shows them, and how they were found."""
-    findings = (*one.findings, finding)
-    return replace(one, zero=zero, tare=tare, findings=findings, contact=contact, **more)
-
-
-def _and_said(one: Loaded, words: str) -> Loaded:
-    """Return a test with more words on how its zero was found."""
-    *others, last = one.findings
-    return replace(one, findings=(*others, last + words))
+# The zeros of a test
 
 
 def with_sliding(shown: Sequence[Loaded]) -> list[Loaded]:
@@ -222,50 +215,57 @@ def with_zeros(shown: Sequence[Loaded], answers: Answers) -> list[Loaded | Unsur
     contacts = {stage: _stage_contacts(shown, stage) for stage in {one.stage for one in shown}}
     for k, one in enumerate(shown):
         key = (one.file, *one.stage)
-        found = _zeroed(one, k, contacts[one.stage], before.get(key), answers)
+        found: Loaded | UnsureError
+        if answers.contact == FILE:
+            finding = "contact at the file's own zero, as stated by the user"
+            found = _with_zero(one, 0.0, finding, one.contact)
+        elif answers.contact is not None:
+            found = _stated(one, float(answers.contact))
+        else:
+            found = _zeroed(one, k, contacts[one.stage], before.get(key))
         if isinstance(found, Loaded):
             if found.contact is not None:
                 before[key] = found
-            if answers.contact is None:
-                found = _and_said(found, _perhaps_sliding(one))
+            late = one.sliding
+            if answers.contact is None and late is not None and late is not one.contact:
+                position = one.written(late.position)
+                found = _and_said(
+                    found,
+                    f"; doubt: the force steps by {plain(late.sliding)} {one.units.force} as the "
+                    f"platen begins to move and rises again at {position} "
+                    f"{one.units.displacement}: if friction or drag of the rig makes the step, "
+                    f"--contact {position}",
+                )
         results.append(found)
     return results
 
 
-def _perhaps_sliding(one: Loaded) -> str:
-    """Return the words on a step of the force that may be friction, where one file shows it."""
-    if one.sliding is None or one.sliding is one.contact:
-        return ""
-    position, force = one.written(one.sliding.position), one.units.force
-    return (
-        f"; doubt: the force steps by {plain(one.sliding.sliding)} {force} as the platen begins to "
-        f"move and rises again at {position} {one.units.displacement}: if friction or drag of the "
-        f"rig makes the step, --contact {position}"
-    )
+def _with_zero(
+    one: Loaded, zero: float, finding: str, contact: FirstContact | None = None, **more: Any
+) -> Loaded:
+    """Return a test with its zeros, the contact that shows them, and how they were found."""
+    return replace(one, zero=zero, findings=(*one.findings, finding), contact=contact, **more)
+
+
+def _and_said(one: Loaded, words: str) -> Loaded:
+    """Return a test with more words on how its zero was found."""
+    *others, last = one.findings
+    return replace(one, findings=(*others, last + words))
 
 
 def _zeroed(
-    one: Loaded,
-    index: int,
-    contacts: Sequence[StageContact],
-    before: Loaded | None,
-    answers: Answers,
+    one: Loaded, index: int, contacts: Sequence[StageContact], before: Loaded | None
 ) -> Loaded | UnsureError:
-    if answers.contact == FILE:
-        finding = "contact at the file's own zero, as stated by the user"
-        return _with_zero(one, 0.0, 0.0, finding, one.contact)
-    if answers.contact is not None:
-        return _stated(one, float(answers.contact))
+    """Return a test with its zeros; ``before`` is the file's test before on the same stage."""
     if np.ptp(one.force) == 0.0:
-        finding = "contact at the file's own zero: the force never changes"
-        return _with_zero(one, 0.0, 0.0, finding, None)
+        return _with_zero(one, 0.0, "contact at the file's own zero: the force never changes")
     if one.units.dimensionless:
         finding = "strain has the file's own zero: a fixed specimen has no contact"
-        return _with_zero(one, 0.0, 0.0, finding, None)
+        return _with_zero(one, 0.0, finding)
     own = next((stage for stage in contacts if index in stage.members), None)
     if own is not None and one.contact is not None:
         return _at_contact(one, one.contact, own, contacts[0])
-    if contacts and contacts[0].kept and one.begins_at_zero and one.begins_without_force:
+    if contacts and contacts[0].kept and one.begins_at_zero and one.begins_with(0.0):
         zero = _at_start(one)
         if isinstance(zero, Loaded):
             return replace(zero, zero_sd=contacts[0].sd, contact_stage=_label(one, contacts[0]))
@@ -273,7 +273,7 @@ def _zeroed(
     most = counts and counts[0] >= max(_ENOUGH, sum(counts) / 2.0) and counts[0] not in counts[1:]
     agreed = contacts[0] if most else None
     late = agreed and float(one.displacement[0]) > agreed.position - _APART * agreed.sd
-    if agreed is not None and not one.begins_without_force:
+    if agreed is not None and not one.begins_with(0.0):
         # off the specimen by the others' contact, its cell as untared as theirs
         untared = agreed.force != 0.0 and one.begins_with(agreed.force)
         if late or untared:
@@ -284,7 +284,7 @@ def _zeroed(
             "file's test before: this one begins in contact"
         )
         same = {key: getattr(before, key) for key in ("zero_sd", "contact_stage", "tare_sd")}
-        return _with_zero(one, before.zero, 0.0, finding, before.contact, **same)
+        return _with_zero(one, before.zero, finding, before.contact, **same)
     zero = _at_start(one)
     if isinstance(zero, Loaded) and agreed is not None:
         return _and_said(zero, _doubt(one, agreed))
@@ -295,7 +295,7 @@ def _stated(one: Loaded, written: float) -> Loaded:
     """Return the zero that the user states, with the sign that it has in the file."""
     position, length = one.signs.way * written, one.units.displacement
     low, high = float(one.displacement.min()), float(one.displacement.max())
-    before = (_NEAR if one.begins_without_force else 1.0) * (high - low)
+    before = (_NEAR if one.begins_with(0.0) else 1.0) * (high - low)
     if not low - before <= position < high:
         raise InputError(
             f"--contact {written:.6g} lies outside the travel, {one.written(one.displacement[0])} "
@@ -306,42 +306,48 @@ def _stated(one: Loaded, written: float) -> Loaded:
     finding = f"contact at {written:.6g} {length}, as stated by the user"
     rest, sd = level_at_rest(one.displacement, one.force)
     if position - low <= _NEAR * (high - low) or abs(rest) <= _AGREES * sd:
-        return _with_zero(one, position, 0.0, finding, one.contact)
-    finding += f"; {_taken_off(one, rest)}"
-    return _with_zero(one, position, rest, finding, one.contact, tare_sd=sd)
+        return _with_zero(one, position, finding, one.contact)
+    finding += _taken_off(one, rest)
+    return _with_zero(one, position, finding, one.contact, tare=rest, tare_sd=sd)
 
 
 def _taken_off(one: Loaded, rest: float) -> str:
-    force = one.units.force
-    return f"taken off the force: {plain(one.signs.load * rest)} {force} before contact"
+    taken = f"{plain(one.signs.load * rest)} {one.units.force}"
+    return f"; taken off the force: {taken} before contact"
 
 
 def _label(one: Loaded, stage: StageContact) -> str:
     return "0" if stage.kept else one.written(stage.position)
 
 
+def _placed(one: Loaded, at: StageContact | FirstContact) -> str:
+    """Return a contact as text with its error: '7.01 +- 0.02 mm'."""
+    return f"{one.written(at.position)} +- {plain(at.sd, 2)} {one.units.displacement}"
+
+
 def _from_others(one: Loaded, agreed: StageContact, where: str) -> Loaded:
-    length, force = one.units.displacement, one.units.force
     start = one.signs.load * force_at_start(one.displacement, one.force)
+    length, force = one.units.displacement, one.units.force
     finding = (
-        f"contact at {one.written(agreed.position)} +- {plain(agreed.sd, 2)} {length}, on which "
-        f"the pad's {len(agreed.members)} other files agree: this one begins {where} it, at "
-        f"{one.written(one.displacement[0])} {length} with {plain(start)} {force}; taken off the "
-        f"force: {plain(one.signs.load * agreed.force)} {force}, theirs at rest"
+        f"contact at {_placed(one, agreed)}, on which the pad's {len(agreed.members)} other files "
+        f"agree: this one begins {where} it, at {one.written(one.displacement[0])} {length} with "
+        f"{plain(start)} {force}; taken off the force: {plain(one.signs.load * agreed.force)} "
+        f"{force}, theirs at rest"
     )
-    sds = {"zero_sd": agreed.sd, "tare_sd": agreed.tare_sd}
-    stage = _label(one, agreed)
-    return _with_zero(one, agreed.position, agreed.force, finding, None, contact_stage=stage, **sds)
+    return _with_zero(
+        one, agreed.position, finding, tare=agreed.force, contact_stage=_label(one, agreed),
+        zero_sd=agreed.sd, tare_sd=agreed.tare_sd,
+    )  # fmt: skip
 
 
 def _doubt(one: Loaded, others: StageContact) -> str:
     """Return the words on other files whose contact lies elsewhere, and the option that joins."""
-    count, position = len(others.members), one.written(others.position)
+    count = len(others.members)
     have = f"{count} other files have" if count > 1 else "other file has"
     return (
-        f"; doubt: the pad's {have} it at {position} +- {plain(others.sd, 2)} "
-        f"{one.units.displacement}: was the stage or the pad moved, or the zero set anew? If not, "
-        f"--contact {position} gives all files one zero"
+        f"; doubt: the pad's {have} it at {_placed(one, others)}: was the stage or the pad moved, "
+        f"or the zero set anew? If not, --contact {one.written(others.position)} gives all files "
+        "one zero"
     )
 
 
@@ -349,20 +355,20 @@ def _at_contact(
     one: Loaded, contact: FirstContact, stage: StageContact, most: StageContact
 ) -> Loaded:
     """Return the zero of a file at the contact of its stage; ``most`` is that of most files."""
-    length, force = one.units.displacement, one.units.force
     together = len(stage.members) > 1
-    finding = f"contact at {one.written(stage.position)} +- {plain(stage.sd, 2)} {length}"
+    finding = f"contact at {_placed(one, stage)}"
     finding += " agrees with the file's zero, which is kept" if stage.kept else ", the new zero"
     if together:
-        alone = f"{one.written(contact.position)} +- {plain(contact.sd, 2)} {length}"
-        finding += f", in {len(stage.members)} files of one stage (this one alone: {alone})"
+        finding += f", in {len(stage.members)} files of one stage (this one alone: "
+        finding += f"{_placed(one, contact)})"
     offset = contact.force if abs(contact.force) > _AGREES * contact.tare_sd else 0.0
     if offset:
-        finding += f"; {_taken_off(one, contact.force)}"
+        finding += _taken_off(one, contact.force)
     if contact.sliding:
         finding += (
-            f"; as the platen begins to move the force rises by {plain(contact.sliding)} {force}, "
-            "before the specimen is touched: friction or drag of the rig, which is left in"
+            "; as the platen begins to move the force rises by "
+            f"{plain(contact.sliding)} {one.units.force}, before the specimen is touched: friction "
+            "or drag of the rig, which is left in"
         )
     if stage is not most:
         finding += _doubt(one, most)
@@ -372,10 +378,10 @@ def _at_contact(
             "; doubt: that of this one alone is off beyond the errors, as a film, drag or a lag "
             f"does in a quick test; --contact {one.written(stage.position)} states this zero"
         )
-    position = 0.0 if stage.kept else stage.position
-    sds = {"zero_sd": stage.sd, "tare_sd": contact.tare_sd}
-    label = _label(one, stage)
-    return _with_zero(one, position, offset, finding, contact, contact_stage=label, **sds)
+    return _with_zero(
+        one, 0.0 if stage.kept else stage.position, finding, contact, tare=offset,
+        contact_stage=_label(one, stage), zero_sd=stage.sd, tare_sd=contact.tare_sd,
+    )  # fmt: skip
 
 
 def _at_start(one: Loaded) -> Loaded | UnsureError:
@@ -383,7 +389,7 @@ def _at_start(one: Loaded) -> Loaded | UnsureError:
     length, force = one.units.displacement, one.units.force
     first, peak = one.force_at_first, float(np.abs(one.force).max())
     share = abs(first) / peak if peak > 0.0 else 1.0
-    if not one.begins_without_force:
+    if not one.begins_with(0.0):
         return UnsureError(
             f"the test begins in contact, with {plain(one.signs.load * first)} {force} "
             f"({share:.1%} of the largest force): where the specimen is first touched is not in it",
@@ -401,4 +407,4 @@ def _at_start(one: Loaded) -> Loaded | UnsureError:
         f"contact at {where}: there is no approach, and the first row has "
         f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"
     )
-    return _with_zero(one, 0.0 if near else position, 0.0, finding, None)
+    return _with_zero(one, 0.0 if near else position, finding)
