@@ -18,6 +18,8 @@ from qlvbayes.io.contact import (
     FirstContact,
     Signs,
     find_signs,
+    first_rises,
+    is_dead,
     is_driven_back,
     rest_of,
     scatter,
@@ -27,24 +29,19 @@ from qlvbayes.io.header import named_columns
 from qlvbayes.io.readings import (
     LEAST_SAMPLES,
     Sampling,
+    in_tidy_units,
     no_readings,
     on_one_clock,
     out_of_range,
     rising,
+    same_readings,
     sampling_of,
     unread_rows,
+    wrong_signs,
 )
-from qlvbayes.io.recording import Channel, Recording, UnsureError
-from qlvbayes.io.units import (
-    QUANTITIES,
-    STRAIN,
-    Unit,
-    UnitSystem,
-    named_units,
-    unit_of,
-    unit_system,
-)
-from qlvbayes.io.wording import of_lines
+from qlvbayes.io.recording import Recording, UnsureError
+from qlvbayes.io.units import UnitSystem, named_units
+from qlvbayes.io.wording import joined, listed, of_lines, plain
 
 SIGNS = {"none": (1, 1), "displacement": (-1, 1), "force": (1, -1), "both": (-1, -1)}
 """Choices of the columns that change sign, with the factors of displacement and force."""
@@ -130,6 +127,7 @@ class Loaded:
     sampling: Sampling
     dropped: dict[str, int]
     signs: Signs
+    dead: bool  # whether the force does not answer to the displacement
     findings: tuple[str, ...]
     pad: str = ""
     test: str = ""
@@ -160,22 +158,20 @@ class Loaded:
     @property
     def approached(self) -> bool:
         """Return whether it moved before the force began to rise, or rests without a force."""
-        if self.contact is None:
-            return False
-        return (
+        return self.contact is not None and (
             self.contact.is_beyond(float(self.displacement[0]))
             or abs(self.contact.force) <= _REST * self.peak
         )
 
     @property
-    def force_at_first(self) -> float:
-        """Return the force at the first position alone: in a test that moves at once it rises."""
-        return float(np.median(self.force[: max(self.moved, 1)]))
-
-    @property
     def moved(self) -> int:
         """Return the first row that is not at the first position."""
         return rest_of(self.displacement)
+
+    @property
+    def force_at_first(self) -> float:
+        """Return the force at the first position alone: in a test that moves at once it rises."""
+        return float(np.median(self.force[: max(self.moved, 1)]))
 
     def begins_with(self, force: float) -> bool:
         """Return whether the force at the first position is this one, within the noise."""
@@ -279,7 +275,7 @@ def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
 
 
 def _in_order(file: Path, kind: Format, recording: Recording, answers: Answers) -> Loaded:
-    units, columns, finding = _in_units(file, recording, answers)
+    units, columns, finding = in_tidy_units(file, recording, answers.units, answers.area)
     dropped = dict(recording.dropped)
     time, way, load, *own = columns
     lag = None
@@ -298,88 +294,144 @@ def _in_order(file: Path, kind: Format, recording: Recording, answers: Answers) 
         raise InputError(f"{what}, which no rig measures", file=file, remedy="check the units")
     return Loaded(
         file, kind, recording, units, time, way, load, sampling_of(time, lag), dropped,
-        find_signs(way, load), (f"units {finding}",),
+        find_signs(way, load), is_dead(way, load), (f"units {finding}",),
     )  # fmt: skip
 
 
-# Units
+# Signs
 
 
-def _in_units(
-    file: Path, recording: Recording, answers: Answers
-) -> tuple[UnitSystem, list[Floats], str]:
-    """Return columns in tidy units: time, way, load and, where it exists, the load's own clock."""
-    given = answers.units or (None, None, None)
-    stated = dict(zip(recording.channels, (*given, given[0]), strict=False))
-    units = [_unit(file, channel, said) for channel, said in stated.items()]
-    clock = {"ms": 1e-3, "min": 60.0}
-    factors = [unit.factor * clock.get(unit.tidy, 1.0) for unit in units]
-    columns = [
-        channel.values * factor if factor != 1.0 else channel.values
-        for channel, factor in zip(stated, factors, strict=True)
+def oriented_tests(
+    own: Sequence[Loaded], every: Sequence[Loaded], answers: Answers
+) -> list[Loaded]:
+    """Return a file's tests in which pressing is positive; dead ones go where others are not."""
+    known = answers.sign is not None
+    unclear = [
+        one for one in own if one.dead and one.signs.doubt and not (known or one.recording.pressing)
     ]
-    way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], answers.area)
-    written = [
-        f"{c.name} in {c.unit if _meant(c.unit, c) else f'{said} (as stated by the user)'}"
-        for c, said in stated.items()
-    ]
-    system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
-    return (
-        system,
-        columns,
-        f"{', '.join(written[:3])}; written as {way.tidy or '1'} and {load.tidy}",
-    )
-
-
-def _meant(text: str | None, channel: Channel) -> Unit | None:
-    """Return the unit that a text means for a channel: a strain may be called displacement."""
-    either = next((both for both in QUANTITIES if channel.quantity == both[0]), (channel.quantity,))
-    units = [unit_of(text, quantity) for quantity in either] if text else []
-    return next((unit for unit in units if unit is not None), None)
-
-
-def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
-    """Return the unit of a channel, as the file or the user states it; both must agree."""
-    own, said = _meant(channel.unit, channel), _meant(stated, channel)
-    if own is None and channel.quantity != "time":
-        others = (kind for both in QUANTITIES[1:] for kind in both)
-        if of_other := next((kind for kind in others if unit_of(channel.unit, kind)), None):
-            what = f"'{channel.name}' is taken as the {channel.quantity}, but {channel.unit} is a "
-            remedy = "name the columns of --columns in the order time, displacement, force"
-            raise InputError(f"{what}unit of {of_other}", file=file, remedy=remedy)
-    if own is not None and stated is not None and own != said:
-        what = f"'{channel.name}' is in {channel.unit}, and --units says {stated}"
-        raise InputError(what, file=file, remedy="leave --units out")
-    if (unit := own or said) is not None:
-        return unit
-    written = f"the unit '{channel.unit}'" if channel.unit else "no unit"
-    raise UnsureError(
-        f"the column '{channel.name}' ({channel.quantity}) has {written}",
-        file=file,
-        option="units",
-        question="units of time, displacement and force, as s,mm,N",
-        say="s,mm,N",
-    )
-
-
-def _with_area(
-    file: Path, way: Unit, load: Unit, values: Floats, area: float | None
-) -> tuple[Unit, Unit, Floats]:
-    """Return stress with strain, or force with displacement."""
-    strained, stressed = way.quantity == "strain", load.quantity == "stress"
-    if strained == stressed:
-        return way, load, values
-    if area is None:
-        wanted = "stress" if strained else "force"
-        raise UnsureError(
-            f"the file has {way.quantity} and {load.quantity}, and no area to make {wanted} of it",
-            file=file,
-            option="area",
-            question="area of the specimen in mm2",
-            say="MM2",
+    prepared = [_oriented(one, every, answers) for one in own if one not in unclear]
+    if not prepared:
+        raise InputError(
+            f"the force does not answer to the displacement: its {len(own[0].force)} readings "
+            f"scatter by {plain(float(np.std(own[0].force)), 2)} about one level",
+            file=own[0].file,
+            remedy="check the load cell and its cable, or leave the file out",
         )
-    if strained:
-        newtons = UnitSystem("mm", load.tidy).factor_to(UnitSystem("mm", "N"), "force")
-        return way, Unit("stress", "kPa"), values * (1e3 * newtons / area)
-    megapascals = UnitSystem("1", load.tidy).factor_to(UnitSystem("1", "MPa"), "force")
-    return way, Unit("force", "N"), values * (megapascals * area)  # 1 MPa is 1 N/mm2
+    live = [one for one in prepared if not one.dead] or prepared
+    live[0].dropped.update(own[0].dropped)
+    for test in (*unclear, *(one for one in prepared if one not in live)):
+        name = f"rows of '{test.recording.name}', in which the force does not answer"
+        live[0].dropped[name] = len(test.recording.time.values)
+    return live
+
+
+def _oriented(one: Loaded, every: Sequence[Loaded], answers: Answers) -> Loaded:
+    """Return a recording in which pressing is positive, with the contact that it shows."""
+    signs, why = _signs(one, every, answers)
+    way, load = one.displacement * signs.way, one.force * signs.load
+    wrong = wrong_signs(way, load)
+    if wrong and not (one.units.dimensionless and len(wrong) > 1):
+        what = f"the specimen is pressed with {joined([*wrong])} negative"
+        if answers.sign is None:
+            raise _unsure_of_sign(one.file, what)
+        remedy = "leave --sign out"
+        raise InputError(f"with --sign {answers.sign} {what}", file=one.file, remedy=remedy)
+    constant = float(np.ptp(load)) == 0.0
+    contact = sliding = None
+    if not (one.units.dimensionless or constant):
+        contact, sliding = first_rises(way, load, at_zero=one.begins_at_zero)
+    pairs = ((one.recording.way, signs.way), (one.recording.load, signs.load))
+    turned = [channel.name for channel, factor in pairs if factor < 0]
+    unused = one.recording.unused
+    findings = [*one.findings, *([f"columns not used: {listed(unused)}"] if unused else [])]
+    findings.append(
+        f"sign turned over: {' and '.join(turned)}{why}" if turned else f"sign kept as written{why}"
+    )
+    if constant:
+        findings.append(
+            f"the force is {plain(float(one.force[0]))} {one.units.force} in every row: it is "
+            "taken as prescribed, and the test as creep (column control)"
+        )
+    return replace(
+        one, displacement=way, force=load, signs=signs, contact=contact, sliding=sliding,
+        findings=tuple(findings),
+    )  # fmt: skip
+
+
+def _signs(one: Loaded, every: Sequence[Loaded], answers: Answers) -> tuple[Signs, str]:
+    """Return signs and why: one for a file and layout, from parts that begin at rest."""
+    if answers.sign is not None:
+        of_way, of_load = SIGNS[answers.sign]
+        return replace(one.signs, way=of_way, load=of_load), ", as stated by the user"
+    if one.recording.pressing:
+        return replace(one.signs, way=1, load=1), ": this layout fixes it"
+    names = one.format.name, one.recording.way.name, one.recording.load.name
+    alike = [
+        other
+        for other in every
+        if other.signs.rank
+        and (other.format.name, other.recording.way.name, other.recording.load.name) == names
+    ]
+    within = [other for other in alike if other.file == one.file]
+    if within:
+        first = max(within, key=lambda other: (other.signs.rank, float(np.ptp(other.force))))
+        found = {(first.signs.way, first.signs.load)}
+    else:
+        found = {(other.signs.way, other.signs.load) for other in alike}
+    if len(found) != 1:
+        raise _unsure_of_sign(one.file, one.signs.doubt)
+    why = ": taken from the parts or files of this layout that begin at rest"
+    if one.signs.rank:
+        why = (
+            f": taken as pressing, with the largest force at {one.signs.travel:.0%} of the travel "
+            "(a test in tension would look the same)"
+        )
+    ((of_way, of_load),) = found
+    return replace(one.signs, way=of_way, load=of_load), why
+
+
+def _unsure_of_sign(file: Path, doubt: str) -> UnsureError:
+    return UnsureError(
+        f"the direction that presses cannot be determined: {doubt}",
+        file=file,
+        option="sign",
+        question="which columns are to be turned over so that pressing is positive "
+        f"({', '.join(SIGNS)})",
+        say="|".join(SIGNS),
+    )
+
+
+def without_copies(read: Sequence[Loaded]) -> list[Loaded]:
+    """Return the records without those that are equal, after conversion, to one before of the pad.
+
+    A machine may write one force in N and in kgf, side by side, below one another or in two files.
+    """
+    kept: list[Loaded] = []
+    for one in read:
+        same = next((k for k, other in enumerate(kept) if _equal(one, other)), None)
+        if same is None:
+            kept.append(one)
+            continue
+        names = f"{one.recording.way.name} and {one.recording.load.name}"
+        finding = f"'{one.named}' ({names}) has the same readings and is left out"
+        other = kept[same]
+        recording = other.recording
+        if recording.name.isdecimal() and other.file == one.file:
+            recording = replace(recording, name="")  # a number that told them apart
+        findings = (*other.findings, finding)
+        kept[same] = replace(other, recording=recording, findings=findings)
+    return kept
+
+
+def _equal(one: Loaded, other: Loaded) -> bool:
+    """Return whether two records are equal within the digits in which they are written."""
+    units = one.units.dimensionless == other.units.dimensionless
+    if one.pad != other.pad or len(one.time) != len(other.time) or not units:
+        return False
+    way, load = (one.units.factor_to(other.units, kind) for kind in ("displacement", "force"))
+    return (
+        one.recording.stated.began == other.recording.stated.began
+        and same_readings(one.time - one.time[0], other.time - other.time[0])
+        and same_readings(one.displacement * way, other.displacement)
+        and same_readings(one.force * load, other.force)
+    )

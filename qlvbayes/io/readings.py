@@ -1,4 +1,4 @@
-"""Judge readings: clocks that slip or repeat, codes in place of numbers, wrong signs."""
+"""Judge readings: their units, clocks that slip, codes in place of numbers, wrong signs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from qlvbayes.io.arrays import Array as Floats
 from qlvbayes.io.arrays import Mask
 from qlvbayes.io.checks import InputError
+from qlvbayes.io.recording import Channel, Recording, UnsureError
 from qlvbayes.io.table import LARGEST_SHARE
+from qlvbayes.io.units import QUANTITIES, STRAIN, Unit, UnitSystem, unit_of, unit_system
 
 LEAST_SAMPLES = 10
 """Rows that a test has at least."""
@@ -268,3 +270,90 @@ def wrong_signs(displacement: Floats, force: Floats) -> tuple[str, ...]:
     if not grows and along > 0.8 and pulled and below:
         return "displacement", "force"
     return ()
+
+
+# Units
+
+
+def in_tidy_units(
+    file: Path, recording: Recording, stated: Sequence[str] | None, area: float | None
+) -> tuple[UnitSystem, list[Floats], str]:
+    """Return units, columns in them and a finding: time, way, load, and the load's own clock.
+
+    ``stated`` are the units of time, displacement and force that the user states, and ``area`` the
+    specimen's (mm2), which makes stress of a force that stands beside a strain.
+    """
+    given: Sequence[str | None] = stated or (None, None, None)
+    said_of = dict(zip(recording.channels, (*given, given[0]), strict=False))
+    units = [_unit(file, channel, said) for channel, said in said_of.items()]
+    clock = {"ms": 1e-3, "min": 60.0}
+    factors = [unit.factor * clock.get(unit.tidy, 1.0) for unit in units]
+    columns = [
+        channel.values * factor if factor != 1.0 else channel.values
+        for channel, factor in zip(said_of, factors, strict=True)
+    ]
+    way, load, columns[2] = _with_area(file, units[1], units[2], columns[2], area)
+    written = [
+        f"{c.name} in {c.unit if _meant(c.unit, c) else f'{said} (as stated by the user)'}"
+        for c, said in said_of.items()
+    ]
+    system = unit_system(way.tidy or STRAIN.displacement, load.tidy)
+    return (
+        system,
+        columns,
+        f"{', '.join(written[:3])}; written as {way.tidy or '1'} and {load.tidy}",
+    )
+
+
+def _meant(text: str | None, channel: Channel) -> Unit | None:
+    """Return the unit that a text means for a channel: a strain may be called displacement."""
+    either = next((both for both in QUANTITIES if channel.quantity == both[0]), (channel.quantity,))
+    units = [unit_of(text, quantity) for quantity in either] if text else []
+    return next((unit for unit in units if unit is not None), None)
+
+
+def _unit(file: Path, channel: Channel, stated: str | None) -> Unit:
+    """Return the unit of a channel, as the file or the user states it; both must agree."""
+    own, said = _meant(channel.unit, channel), _meant(stated, channel)
+    if own is None and channel.quantity != "time":
+        others = (kind for both in QUANTITIES[1:] for kind in both)
+        if of_other := next((kind for kind in others if unit_of(channel.unit, kind)), None):
+            what = f"'{channel.name}' is taken as the {channel.quantity}, but {channel.unit} is a "
+            remedy = "name the columns of --columns in the order time, displacement, force"
+            raise InputError(f"{what}unit of {of_other}", file=file, remedy=remedy)
+    if own is not None and stated is not None and own != said:
+        what = f"'{channel.name}' is in {channel.unit}, and --units says {stated}"
+        raise InputError(what, file=file, remedy="leave --units out")
+    if (unit := own or said) is not None:
+        return unit
+    written = f"the unit '{channel.unit}'" if channel.unit else "no unit"
+    raise UnsureError(
+        f"the column '{channel.name}' ({channel.quantity}) has {written}",
+        file=file,
+        option="units",
+        question="units of time, displacement and force, as s,mm,N",
+        say="s,mm,N",
+    )
+
+
+def _with_area(
+    file: Path, way: Unit, load: Unit, values: Floats, area: float | None
+) -> tuple[Unit, Unit, Floats]:
+    """Return stress with strain, or force with displacement."""
+    strained, stressed = way.quantity == "strain", load.quantity == "stress"
+    if strained == stressed:
+        return way, load, values
+    if area is None:
+        wanted = "stress" if strained else "force"
+        raise UnsureError(
+            f"the file has {way.quantity} and {load.quantity}, and no area to make {wanted} of it",
+            file=file,
+            option="area",
+            question="area of the specimen in mm2",
+            say="MM2",
+        )
+    if strained:
+        newtons = UnitSystem("mm", load.tidy).factor_to(UnitSystem("mm", "N"), "force")
+        return way, Unit("stress", "kPa"), values * (1e3 * newtons / area)
+    megapascals = UnitSystem("1", load.tidy).factor_to(UnitSystem("1", "MPa"), "force")
+    return way, Unit("force", "N"), values * (megapascals * area)  # 1 MPa is 1 N/mm2
