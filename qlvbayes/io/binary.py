@@ -94,13 +94,12 @@ class Binary:
             raise InputError(what, file=path, remedy=remedy) from error
 
 
-Vectors = list[tuple[str, str, np.ndarray]]
-"""Names, units and values (n,) of one group."""
-
-
 def _of_vectors(vectors: Named, path: Path) -> list[Recording]:
-    """Return a test for each group of three vectors or more: its time, displacement and force."""
-    groups: dict[str, Vectors] = {}
+    """Return a test for each group of three vectors or more: its time, displacement and force.
+
+    They are recognised by their names, of which a unit may be part.
+    """
+    groups: dict[str, list[tuple[str, str, np.ndarray]]] = {}
     for (group, name, unit), array in vectors:
         values = np.squeeze(array)
         if values.ndim == 1 and len(values) > 1 and values.dtype.kind in "fiu":
@@ -115,47 +114,40 @@ def _of_vectors(vectors: Named, path: Path) -> list[Recording]:
     if len(full) > 1:
         full.pop("", None)  # of variables beside structs
     several = len(full) > 1 or ("" not in full and len(groups) > 1)
-    return [
-        _of_arrays(named, path, group.rpartition("/")[2] if several else "")
-        for group, named in full.items()
-    ]
-
-
-def _of_arrays(named: Vectors, file: Path, name: str) -> Recording:
-    """Return the test that vectors hold, recognised by their names; a unit may be part of one."""
-    columns = [
-        NamedColumn(index, *((own, unit) if unit else split_header(own)))
-        for index, (own, unit, _) in enumerate(named)
-    ]
-    if "time" not in quantities(columns):  # the clock of a waveform
-        columns = [replace(c, name="time") if c.name == "wf_increment" else c for c in columns]
-    picked = chosen(columns, file)
-    values = [named[column.index][2] for column in picked.values()]
-    if len({len(column) for column in values}) > 1:
-        pairs = zip(picked.values(), values, strict=True)
-        counts = ", ".join(f"{column.name} {len(some)}" for column, some in pairs)
-        raise InputError(
-            f"the channels differ in length ({counts})",
-            file=file,
-            remedy="export them at one rate, or as text with a clock each",
-        )
-    others = [column for column in columns if column.name != "wf_increment"]
-    return recording(others, picked, values, {}, name)
+    tests = []
+    for group, named in full.items():
+        columns = [
+            NamedColumn(index, *((own, unit) if unit else split_header(own)))
+            for index, (own, unit, _) in enumerate(named)
+        ]
+        if "time" not in quantities(columns):  # the clock of a waveform
+            columns = [replace(c, name="time") if c.name == "wf_increment" else c for c in columns]
+        picked = chosen(columns, path)
+        counts = {column.name: len(named[column.index][2]) for column in picked.values()}
+        if len(set(counts.values())) > 1:
+            shown = ", ".join(f"{name} {count}" for name, count in counts.items())
+            raise InputError(
+                f"the channels differ in length ({shown})",
+                file=path,
+                remedy="export them at one rate, or as text with a clock each",
+            )
+        values = [named[column.index][2] for column in picked.values()]
+        others = [column for column in columns if column.name != "wf_increment"]
+        own_name = group.rpartition("/")[2] if several else ""
+        tests.append(recording(others, picked, values, {}, own_name))
+    return tests
 
 
 def _of_curves(vectors: Named, path: Path) -> list[Recording]:
     """Return a test for each curve of an AFM, in nm and nN."""
     tests = []
     for k in range(0, len(vectors), 3):
-        time, way, load = (
-            Channel(quantity, values, unit, name)
-            for quantity, ((_, name, unit), values) in zip(
-                ("time", "displacement", "force"), vectors[k : k + 3], strict=True
-            )
-        )
+        kinds = ("time", "displacement", "force")
+        curve = zip(kinds, vectors[k : k + 3], strict=True)
+        channels = [Channel(kind, values, unit, own) for kind, ((_, own, unit), values) in curve]
         name = vectors[k][0][0] if len(vectors) > 3 else ""
         # a repelled tip bends away: afmformats' own sign of the force
-        tests.append(Recording(time, way, load, name=name, pressing=True))
+        tests.append(Recording(*channels, name=name, pressing=True))
     return tests
 
 
@@ -278,26 +270,14 @@ def _most_changing(
     return Channel("time", time, "s", "stamp"), Channel(quantity, values, unit, name)
 
 
-def _is_workbook(head: bytes) -> bool:
-    inside = b"[Content_Types].xml" in head or b"xl/work" in head
-    return head.startswith(_OLD_OFFICE) or (head.startswith(_ZIP) and inside)
-
-
-def _is_afm(head: bytes) -> bool:
-    table = head.startswith(b"# afmformats") and b"# BEGIN METADATA" in head
-    return table or (head.startswith(_ZIP) and b"header.properties" in head)
-
-
-def _is_bag(head: bytes) -> bool:
-    ros_2 = head.startswith(_SQLITE) and b"topics" in head and b"messages" in head
-    return head.startswith((_MCAP, _BAG_1)) or ros_2
-
-
 WORKBOOK = Binary(
     "testxpert-excel",
     "ZwickRoell testXpert, or another Excel workbook (needs python-calamine)",
     "testXpert, export to Excel; ECMA-376",
-    _is_workbook, "workbook", of_sheets, "python_calamine", "python-calamine", "python-calamine",
+    lambda head: head.startswith(_OLD_OFFICE) or (
+        head.startswith(_ZIP) and (b"[Content_Types].xml" in head or b"xl/work" in head)
+    ),
+    "workbook", of_sheets, "python_calamine", "python-calamine", "python-calamine",
 )  # fmt: skip
 BINARY = (
     WORKBOOK,
@@ -305,7 +285,9 @@ BINARY = (
         "afm",
         "JPK (.jpk-force, -map, -qi-data), other AFM as afmformats' .tab",
         "afmformats documentation; JPK Instruments, data format",
-        _is_afm, "afm", _of_curves, "afmformats", "afmformats", "afmformats",
+        lambda head: (head.startswith(b"# afmformats") and b"# BEGIN METADATA" in head)
+        or (head.startswith(_ZIP) and b"header.properties" in head),
+        "afm", _of_curves, "afmformats", "afmformats", "afmformats",
     ),
     Binary(
         "tdms",
@@ -329,7 +311,9 @@ BINARY = (
         "rosbag",
         "robots: MCAP, ROS 2 bags (.mcap, .db3), ROS 1 bags (needs rosbags)",
         "MCAP specification; ROS REP 103; rosbags documentation",
-        _is_bag, "ros", of_topics, "rosbags", "rosbags", "'qlvbayes[ros]'",
+        lambda head: head.startswith((_MCAP, _BAG_1))
+        or (head.startswith(_SQLITE) and b"topics" in head and b"messages" in head),
+        "ros", of_topics, "rosbags", "rosbags", "'qlvbayes[ros]'",
     ),
 )  # fmt: skip
 """Every known binary layout, in the order in which they are tried."""

@@ -175,11 +175,6 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^a-z0-9%]+", " ", text).strip()
 
 
-def _without_channel(name: str) -> str:
-    """Return a plain name without the channel before it: 'C_1_Force' or 'Ch 1 Force' -> 'force'."""
-    return _CHANNEL.sub("", plain_name(name))
-
-
 _MEAN = re.compile(
     r"\b(mean|average|mittelwert\w*|mittlere?|durchschnitt\w*|moyenn?e?|media|medio|promedio)\b"
 )
@@ -197,7 +192,8 @@ def is_mean(name: str) -> bool:
 
 def quantities(columns: Sequence[NamedColumn]) -> dict[str, NamedColumn]:
     """Return the column of each quantity that is there; of equal names the first is taken."""
-    plain = [(column, _without_channel(column.name)) for column in columns]
+    # without the channel before it: 'C_1_Force' or 'Ch 1 Force' is a force
+    plain = [(column, _CHANNEL.sub("", plain_name(column.name))) for column in columns]
     by_quantity = {}
     for quantity, patterns in _WORDS.items():
         for pattern in (*patterns, *(by_unit := _BY_UNIT.get(quantity, ()))):
@@ -254,7 +250,7 @@ def _with_unknown_unit(
         match = None if column.unit else _BRACKETED.fullmatch(column.name)
         name, unit = match.groups() if match else (column.name, column.unit)
         for kind in () if _is_unit(unit) else either:
-            if any(re.fullmatch(word, _without_channel(name)) for word in _WORDS[kind]):
+            if any(re.fullmatch(word, _CHANNEL.sub("", plain_name(name))) for word in _WORDS[kind]):
                 return {kind: NamedColumn(column.index, name, unit)}
     return {}
 

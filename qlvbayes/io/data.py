@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn, TypeVar, cast
 
@@ -133,7 +134,19 @@ def _pads(file: Path, dialect: Dialect, rows: Rows) -> tuple[tuple[Pad, ...], tu
     tests: dict[str, list[Test]] = {}
     fluids: dict[str, str | None] = {}
     labels = dict(zip(dialect.labels, rows.labels, strict=True))
-    for pad, test, indices in _grouped(labels, len(rows.columns[0])):
+    one = Labels(np.zeros(len(rows.columns[0]), np.intp), [])
+    of_pads, of_tests = labels.get("pad", one), labels.get("test", one)
+    keys = of_pads.codes * (len(of_tests.texts) + 1) + of_tests.codes
+    cuts = [0, *(np.flatnonzero(np.diff(keys)) + 1).tolist()]
+    stretches: dict[int, list[slice]] = {}  # of each test, in order of first appearance
+    for begin, end in pairwise([*cuts, len(keys)]):
+        stretches.setdefault(int(keys[begin]), []).append(slice(begin, end))
+    for key, (first, *others) in stretches.items():
+        pad, test = (
+            own.texts[own.codes[first.start]] if own.texts else name
+            for own, name in ((of_pads, "pad"), (of_tests, "test"))
+        )
+        indices = np.flatnonzero(keys == key) if others else first
         built = _Builder(file, dialect, rows, labels, pad, test, indices, notices)
         built.check_names(tests)
         of_pad = tests.setdefault(pad, [])
@@ -145,39 +158,15 @@ def _pads(file: Path, dialect: Dialect, rows: Rows) -> tuple[tuple[Pad, ...], tu
             name = dialect.labels["fluid"].name
             what = f"{name} changes from '{fluids[pad] or ''}' to '{fluid or ''}'"
             built.fail(0, what, f"write one {name} for all rows of a pad")
-    pads = [
-        Pad(name, tuple(_on_one_clock(of_pad)), dialect.units, fluids[name])
-        for name, of_pad in tests.items()
-    ]
-    return tuple(pads), tuple(notices)
-
-
-def _on_one_clock(tests: list[Test]) -> list[Test]:
-    """Return tests with the pad's clock where their times run on from test to test."""
-    starts = starts_on_one_clock([test.time for test in tests])
-    if starts is None or any(test.start_known for test in tests):
-        return tests
-    return [
-        replace(one, start_s=at, start_known=True) for one, at in zip(tests, starts, strict=True)
-    ]
-
-
-def _grouped(
-    labels: dict[str, Labels], size: int
-) -> Iterator[tuple[str, str, slice | NDArray[np.intp]]]:
-    """Yield pad, test and rows of the tests, in order of first appearance."""
-    one = Labels(np.zeros(size, np.intp), [])
-    pads, tests = labels.get("pad", one), labels.get("test", one)
-    keys = pads.codes * (len(tests.texts) + 1) + tests.codes
-    starts = np.append(0, np.flatnonzero(np.diff(keys)) + 1)
-    parts: dict[int, list[slice]] = {}
-    for begin, end in zip(starts, np.append(starts[1:], size), strict=True):
-        parts.setdefault(int(keys[begin]), []).append(slice(int(begin), int(end)))
-    for key, stretches in parts.items():
-        rows = stretches[0]
-        pad = pads.texts[pads.codes[rows.start]] if pads.texts else "pad"
-        test = tests.texts[tests.codes[rows.start]] if tests.texts else "test"
-        yield pad, test, rows if len(stretches) == 1 else np.flatnonzero(keys == key)
+    for pad, of_pad in tests.items():  # their times may run on from test to test
+        starts = starts_on_one_clock([test.time for test in of_pad])
+        if starts is not None and not any(test.start_known for test in of_pad):
+            tests[pad] = [
+                replace(one, start_s=at, start_known=True)
+                for one, at in zip(of_pad, starts, strict=True)
+            ]
+    pads = tuple(Pad(name, tuple(own), dialect.units, fluids[name]) for name, own in tests.items())
+    return pads, tuple(notices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,10 +220,11 @@ class _Builder:
             key: column[self.rows]
             for key, column in zip(self.dialect.numeric, self.table.columns, strict=True)
         }
+        names = {key: column.name for key, column in self.dialect.numeric.items()}
         for key in ("displacement", "force"):  # a quantity's column in another unit
             other = columns.pop(f"{key} 2", None)
             if other is not None and not same_readings(columns[key], other):
-                both = f"'{self._name(key)}' and '{self._name(f'{key} 2')}'"
+                both = f"'{names[key]}' and '{names[f'{key} 2']}'"
                 self.fail(0, f"two columns for {key}: {both}", "delete one of them", alone=True)
         time, way, force = (columns[key] for key in ("time", "displacement", "force"))
         if unread := unread_rows(time, way, force):
@@ -247,14 +237,14 @@ class _Builder:
         if not controls and rests and not is_driven_back(way):
             controls = [(0, Control.FORCE)]
             self.notices.append(
-                f"{self.title}: {self._name('force')} is {force[0]:g} in every row: it is taken as "
+                f"{self.title}: {names['force']} is {force[0]:g} in every row: it is taken as "
                 "prescribed, and the test as creep; a column control that says displacement or "
                 "force states it"
             )
         kept = self._stretches("use", _USED)
         lengths = np.diff([*(sample for sample, _ in kept), time.size])
         used = np.repeat([one for _, one in kept], lengths) if kept else np.ones(time.size, bool)
-        self._check(columns, used, loaded=any(one == Control.FORCE for _, one in controls))
+        self._check(columns, names, used, loaded=any(one == Control.FORCE for _, one in controls))
         for values in columns.values():
             values.setflags(write=False)
         start = self._number("start")
@@ -284,17 +274,16 @@ class _Builder:
             used=None if used.all() else used,
         )
 
-    def _name(self, key: str) -> str:
-        return self.dialect.numeric[key].name
-
-    def _check(self, columns: dict[str, Floats], used: Mask, *, loaded: bool) -> None:
+    def _check(
+        self, columns: dict[str, Floats], names: dict[str, str], used: Mask, *, loaded: bool
+    ) -> None:
         """Raise InputError unless the test can be used."""
         time, way, force = (columns[key] for key in ("time", "displacement", "force"))
         for key, counts in (("displacement", np.ones_like(used)), ("force", used)):
             missing = no_readings(columns[key][counts])
             if missing.count:
                 first = int(np.flatnonzero(counts)[np.argmax(missing.rows)])
-                what = f"{self._name(key)} is {missing.written}, a code for no reading, in "
+                what = f"{names[key]} is {missing.written}, a code for no reading, in "
                 what += "one row," if missing.count == 1 else f"{missing.count} rows, the first"
                 what += f" at {time[first]:.6g} s,"
                 self.fail(first, what, "delete these rows")
@@ -310,17 +299,17 @@ class _Builder:
             held = key == "force" and loaded and values.max() > 0.0
             if values.min() == values.max() and not held:
                 remedy = "check the channel or delete the test"
-                self.fail(0, f"{self._name(key)} never changes", remedy)
+                self.fail(0, f"{names[key]} never changes", remedy)
         if "force_sd" in columns and columns["force_sd"].min() <= 0:
             bad = int(np.argmax(columns["force_sd"] <= 0))
-            what = f"{self._name('force_sd')} is not positive ({columns['force_sd'][bad]:g})"
+            what = f"{names['force_sd']} is not positive ({columns['force_sd'][bad]:g})"
             self.fail(bad, what, "write its standard deviation or delete the column", alone=True)
         wrong = wrong_signs(way[used], force[used])
         if wrong and not (self.dialect.units.dimensionless and len(wrong) > 1):
-            names = " and ".join(self._name(key) for key in wrong)
-            what = f"in {self.title} the specimen is loaded with {names} of the wrong sign"
-            self.fail(0, what, f"multiply {names} by -1", alone=True)
-        read = {self._name("displacement"): way, self._name("force"): force[used]}
+            wrong_ones = " and ".join(names[key] for key in wrong)
+            what = f"in {self.title} the specimen is loaded with {wrong_ones} of the wrong sign"
+            self.fail(0, what, f"multiply {wrong_ones} by -1", alone=True)
+        read = {names["displacement"]: way, names["force"]: force[used]}
         if (fault := out_of_range(time, read)) is not None:
             self.fail(0, f"{fault}, which no rig measures,", "check the units")
 
@@ -335,7 +324,8 @@ class _Builder:
             what, remedy = "repeats", "write time with more decimals or delete the repeated row"
         elif now - time[0] > 0.1 * (before - time[0]):
             what, remedy = "runs backwards", "sort the test's rows by time"
-        what = f"{self._name('time')} {what} in {self.title} ({now:.9g} s after {before:.9g} s)"
+        name = self.dialect.numeric["time"].name
+        what = f"{name} {what} in {self.title} ({now:.9g} s after {before:.9g} s)"
         self.fail(index, what, remedy, alone=True)
 
     def label(self, key: str) -> str:

@@ -141,15 +141,13 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
         raise InputError(
             f"the layouts {names} all fit", file=path, remedy="export it in another way"
         )
-    if is_text(head):
-        refuse_by_content(head, path, unnamed=True)
-        if _is_nearly_tidy(head):
-            sniff(path)  # its error says which column is to be renamed
-            raise InputError(
-                "the file is tidy already",
-                file=path,
-                remedy="give it to fit, diagnose or study, or state --columns to convert it anew",
-            )
+    if is_text(head) and refuse_by_content(head, path, unnamed=True):
+        sniff(path)  # its error says which column is to be renamed
+        raise InputError(
+            "the file is tidy already",
+            file=path,
+            remedy="give it to fit, diagnose or study, or state --columns to convert it anew",
+        )
     raise InputError(
         "no known layout",
         file=path,
@@ -158,23 +156,12 @@ def recognised(path: Path, kinds: Sequence[Format]) -> Format:
     )
 
 
-def _first_names(head: bytes) -> list[str]:
-    """Return the cells of the first line that is no comment."""
-    lines = decoded(head).splitlines()
-    rows = (t for t in lines if t.strip() and not COMMENT.match(t) and not t.startswith("sep="))
-    return [name.strip(' "') for name in re.split(r"[,;\t| ]", next(rows, ""))]
-
-
-def _is_nearly_tidy(head: bytes) -> bool:
-    """Return whether the first line has a name of a tidy file, and not only words that it has."""
-    return any(is_tidy_name(name) for name in _first_names(head) if name not in LABELS)
-
-
-def refuse_by_content(head: bytes, path: Path, *, unnamed: bool = False) -> None:
+def refuse_by_content(head: bytes, path: Path, *, unnamed: bool = False) -> bool:
     """Raise InputError for what a table that is not tidy holds in place of measurements, or lacks.
 
-    A file whose first line has names of a tidy one is left to the reader of those, and so is one
-    that begins with numbers, unless the columns of ``unnamed`` tables are asked for too.
+    A file whose first line has names of a tidy one is left to the reader of those, which is
+    returned, and so is one that begins with numbers, unless the columns of ``unnamed`` tables are
+    asked for too.
     """
     whole = head if len(head) < HEAD else head.rpartition(b"\n")[0]
     lines = Lines.from_bytes(with_tabs(decoded(whole).encode())[0])
@@ -197,10 +184,15 @@ def refuse_by_content(head: bytes, path: Path, *, unnamed: bool = False) -> None
             line=line,
             remedy="export the time of every sample",
         )
-    named = unnamed or sum(map(is_like_number, _first_names(head))) < 2
+    rows = (t for t in decoded(head).splitlines() if t.strip() and not COMMENT.match(t))
+    row = next((t for t in rows if not t.startswith("sep=")), "")
+    names = [name.strip(' "') for name in re.split(r"[,;\t| ]", row)]
+    tidy = any(is_tidy_name(name) for name in names if name not in LABELS)
+    named = unnamed or sum(map(is_like_number, names)) < 2
     a_table = len(columns) > 2 or any(measured(columns).values())
-    if a_table and named and not _is_nearly_tidy(head):
+    if a_table and named and not tidy:
         raise unsure_of_columns(columns, path)
+    return tidy
 
 
 def _line_without_time(lines: Lines, columns: Sequence[NamedColumn]) -> int | None:
@@ -220,7 +212,6 @@ def _line_without_time(lines: Lines, columns: Sequence[NamedColumn]) -> int | No
 
 # The rules of a format
 
-_WORDS = ("name", "machine", "reference")
 _TIDY = b"pad,test,time_s,displacement_mm,force_N\nB,slow,0,0,0.01\nB,slow,0.01,0.02,0.03\n"
 
 
@@ -270,7 +261,7 @@ def _check_declarations(kind: Format, files: Sequence[str | Path]) -> None:
     if inspect.isabstract(kind):
         missing = ", ".join(sorted(getattr(kind, "__abstractmethods__", ())))
         raise FormatError(f"{called} lacks {missing}")
-    for word in _WORDS:
+    for word in ("name", "machine", "reference"):
         text = getattr(kind, word, "")
         if not text.strip() or "\n" in text:
             raise FormatError(f"{called}: {word} must be one line of text")

@@ -91,11 +91,6 @@ def find_header(lines: Lines, blanks: bool = False, *, tidy: bool = False) -> He
     return named
 
 
-def any_header(lines: Lines, blanks: bool) -> Header | None:
-    """Return the header as `find_header` does, where a table may have the names of a tidy file."""
-    return find_header(lines, blanks, tidy=True)
-
-
 def _have_units(columns: Sequence[NamedColumn]) -> bool:
     """Return whether time, displacement and force are among columns, each with a unit."""
     return all(named and named.unit for named in measured(columns).values())
@@ -124,27 +119,25 @@ def columns_in(lines: Lines) -> list[NamedColumn]:
     """Return the columns of the first table; empty where there is none, of two or more."""
     for number, cells in lines.cells():
         if len(cells) > 1 and are_numbers(cells, range(min(len(cells), NAMES))):
-            named = _names_above(lines, number, len(cells))
-            return _columns(named, len(cells)) if named or len(cells) >= NAMES else []
+            named, columns = _columns_above(lines, number, len(cells))
+            return columns if named or len(cells) >= NAMES else []
     return []
 
 
-def _columns(named: Sequence[Sequence[str]], width: int) -> list[NamedColumn]:
-    """Return columns by the rows of names and units above them, or else by their numbers."""
-    if not named:
-        return [NamedColumn(k, f"column {k + 1}", "") for k in range(width)]
-    return in_two_rows(*named) if len(named) > 1 else in_cells(named[0])
-
-
-def _names_above(lines: Lines, first: int, width: int) -> list[list[str]]:
-    """Return the row of names, and that of units, directly above a first row of numbers."""
+def _columns_above(
+    lines: Lines, first: int, width: int
+) -> tuple[list[list[str]], list[NamedColumn]]:
+    """Return the row of names, and that of units, directly above numbers, and their columns."""
     separator = separator_of(lines.texts[first])
     above = [cells_of(text, separator) for text in lines.texts[max(first - 2, 0) : first]]
     rows = [row for row in above if width <= len(row) <= width + 1]
     rows = [row for row in rows if not any(map(is_like_number, row))]
     kinds = [kind for either in QUANTITIES for kind in either]
-    units = any(unit_of(cell, kind) for row in rows[-1:] for cell in row for kind in kinds)
-    return rows if units else rows[-1:]
+    if not any(unit_of(cell, kind) for row in rows[-1:] for cell in row for kind in kinds):
+        rows = rows[-1:]
+    if not rows:
+        return rows, [NamedColumn(k, f"column {k + 1}", "") for k in range(width)]
+    return rows, in_two_rows(*rows) if len(rows) > 1 else in_cells(rows[0])
 
 
 # Columns that the user states
@@ -165,8 +158,7 @@ def named_columns(text: str) -> tuple[str, str, str]:
 def stated_header(lines: Lines, stated: Sequence[str], file: Path) -> Header:
     """Return the header of the table that has the stated columns; an InputError says what lacks."""
     for first, cells in lines.cells():
-        named = _names_above(lines, first, len(cells))
-        columns = _columns(named, len(cells))
+        named, columns = _columns_above(lines, first, len(cells))
         written = named[0] if named else [""] * len(cells)
         indices = [k for name in stated for k in _stated(name, written, columns)]
         if len(indices) == NAMES and are_numbers(cells, indices):
@@ -196,18 +188,17 @@ def _stated(name: str, written: Sequence[str], columns: Sequence[NamedColumn]) -
 # Two clocks
 
 
-def clocks_in(lines: Lines) -> tuple[int, list[NamedColumn], list[NamedColumn]]:
-    """Return the first line that is no comment, the columns that it names, and their clocks."""
-    for number, text in enumerate(lines.texts):
-        if text.strip() and not COMMENT.match(text):
-            columns = in_cells(cells_of(text, separator_of(text)))
-            return number, columns, [c for c in columns if re.fullmatch(_CLOCK, plain_name(c.name))]
-    return 0, [], []
-
-
 def two_clock_header(lines: Lines, blanks: bool = False) -> Header | None:
-    """Return a header with a clock for each channel, of which the names say which is whose."""
-    number, columns, clocks = clocks_in(lines)
+    """Return a header with a clock for each channel, of which the names say which is whose.
+
+    It is the first line that is no comment.
+    """
+    texts = enumerate(lines.texts)
+    number = next((n for n, text in texts if text.strip() and not COMMENT.match(text)), None)
+    if number is None:
+        return None
+    columns = in_cells(cells_of(lines.texts[number], separator_of(lines.texts[number])))
+    clocks = [column for column in columns if re.fullmatch(_CLOCK, plain_name(column.name))]
     by_quantity = measured([c for c in columns if c not in clocks])
     by_quantity.pop("time")
     if len(clocks) != 2 or not all(by_quantity.values()):

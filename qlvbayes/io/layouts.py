@@ -12,8 +12,6 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.columns import in_cells, plain_name, quantities, unsure_of_columns
 from qlvbayes.io.header import (
     Header,
-    any_header,
-    clocks_in,
     columns_in,
     find_header,
     stated_above,
@@ -22,11 +20,13 @@ from qlvbayes.io.header import (
 )
 from qlvbayes.io.recording import Recording, Sight
 from qlvbayes.io.splitting import LEAST, tests_below
+from qlvbayes.io.table import parse_number
 from qlvbayes.io.text import Lines, content, decoded, with_tabs
 from qlvbayes.io.wording import joined
 
 Shown = str | Callable[[Lines], bool]
 """Mark of a layout: a pattern that the first bytes have, or a function of their lines."""
+_any_header = partial(find_header, tidy=True)  # a machine's table may have names of a tidy file
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Layout:
     shows: Mapping[str, Shown]
     general: bool = False
     after: str = ""
-    header: Callable[[Lines, bool], Header | None] = any_header
+    header: Callable[[Lines, bool], Header | None] = _any_header
     block: str = ""
     title: str = ""
     part: str = ""
@@ -114,7 +114,12 @@ class Layout:
         tests = tests_below(header, data, lines, path, name, above, self.part)
         names = lines.texts[header.line]
         return [
-            replace(test, stated=stated_above(over, names, test.clock).with_labels(test.stated))
+            replace(
+                test,
+                stated=stated_above(over, names, test.clock).completed_by(
+                    test.stated, of_rows=True
+                ),
+            )
             for test in tests
         ]
 
@@ -170,17 +175,11 @@ def _with_times(data: bytes) -> bytes:
             settings[key] = [cell for cell in cells if cell]
         elif line.strip():
             if not key and cells:
-                begin, step = (_as_number(settings.get(name, [])) for name in ("X0", "Delta_X"))
+                stated = [(settings.get(name) or ["0"])[0] for name in ("X0", "Delta_X")]
+                begin, step = (parse_number(c.replace(",", "."), ".") or 0.0 for c in stated)
                 lines[k] = mark.join([f"{begin + row * step:.9g}", *cells])
             row += 1
     return "\n".join(lines).encode()
-
-
-def _as_number(cells: Sequence[str]) -> float:
-    try:
-        return float(cells[0].replace(",", ".")) if cells else 0.0
-    except ValueError:
-        return 0.0
 
 
 _RAW_DATA = r'(?i)"?(raw data|rohdaten|donn[eé]es brutes|datos sin procesar)[^,;\t]*"?[,;\t"]*$'
@@ -280,9 +279,8 @@ TWO_CLOCKS = Layout(
     "a laboratory's own CSV with a clock for each channel",
     "any logger that stamps its channels one by one",
     {
-        "two columns of time": lambda lines: len(clocks_in(lines)[2]) == 2,
-        "one of them named after force or displacement, and both channels": lambda lines: (
-            two_clock_header(lines) is not None
+        "two columns of time, one named after force or displacement, and both channels": (
+            lambda lines: two_clock_header(lines) is not None
         ),
     },
     header=two_clock_header,

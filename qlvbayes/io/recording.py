@@ -54,17 +54,15 @@ class Stated:
     named: str = ""
     dated: str = ""
 
-    def completed_by(self, other: Stated) -> Stated:
-        """Return the statements with those of another on what these do not state."""
-        named = self if self.specimen else other
+    def completed_by(self, other: Stated, *, of_rows: bool = False) -> Stated:
+        """Return the statements with those of another on what these do not state.
+
+        Those of one test's own rows, ``of_rows``, name its pad before lines above the table.
+        """
+        one, two = (other, self) if of_rows else (self, other)
+        named = one if one.specimen else two
         dated = self if self.began is not None else other
         return Stated(named.specimen, dated.began, dated.either, named.named, dated.dated)
-
-    def with_labels(self, own: Stated) -> Stated:
-        """Return the statements above a table with those of one test's rows, which name its pad."""
-        named = own if own.specimen else self
-        whole = self.completed_by(own)
-        return replace(whole, specimen=named.specimen, named=named.named)
 
 
 @dataclass(frozen=True, eq=False)

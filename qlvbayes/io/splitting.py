@@ -217,27 +217,23 @@ def _goes_on(
     """
     if len(before) != len(after):
         return False
-    pairs = list(zip(before, after, strict=True))
-    if all(new.time.values[0] >= old.time.values[-1] for old, new in pairs):
-        return True
-    if all(_continues(old, new) for old, new in pairs):
-        what = "the clock begins anew here, and displacement and force go on from the rows above"
-        remedy = (
-            "export the test with one clock, or each part to a file of its own if the specimen was "
-            "unloaded between them"
+    goes_on, loaded = True, True
+    for old, new in zip(before, after, strict=True):
+        way, load = old.way.values, old.load.values
+        goes_on &= bool(new.time.values[0] >= old.time.values[-1])
+        peak = float(np.abs(load).max())
+        moved = abs(float(new.way.values[0] - way[-1])) > _SAME * float(np.ptp(way))
+        fell = abs(float(new.load.values[0] - load[-1])) >= 2.0 * _SAME * peak
+        loaded &= abs(float(load[-1])) >= _LOADED * peak > 0.0 and not moved and not fell
+    if loaded and not goes_on:
+        raise InputError(
+            "the clock begins anew here, and displacement and force go on from the rows above",
+            file=file,
+            line=line,
+            remedy="export the test with one clock, or each part to a file of its own if the "
+            "specimen was unloaded between them",
         )
-        raise InputError(what, file=file, line=line, remedy=remedy)
-    return False
-
-
-def _continues(old: Recording, new: Recording) -> bool:
-    """Return whether a part begins where the part before ended, which was still loaded."""
-    way, load = old.way.values, old.load.values
-    peak = float(np.abs(load).max())
-    if abs(float(load[-1])) < _LOADED * peak or peak == 0.0:
-        return False
-    moved = abs(float(new.way.values[0] - way[-1])) > _SAME * float(np.ptp(way))
-    return not moved and abs(float(new.load.values[0] - load[-1])) < 2.0 * _SAME * peak
+    return goes_on
 
 
 def _together(before: Recording, after: Recording) -> Recording:
