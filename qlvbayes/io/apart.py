@@ -27,14 +27,10 @@ TIME_S = 10.0  # processor time for an empty file: imports take 1 s, and 100 MB 
 _PER_MB_S = {"ros": 4.0, "workbook": 2.0}  # for 1 MB: 16 000 messages, one by one, take 2 s
 _WAITING = 6.0  # factor by which the wall time may exceed that on a busy machine
 MEMORY = 4 * 2**30  # bytes of address space: the libraries alone take 1 GiB
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-_HDF5_BEGINS = (0, 512)  # offsets of its first block; MATLAB writes a text before it
-_END = {0: 40, 1: 44, 2: 28, 3: 28}  # offset of the file's end in that block, by version
 _BAGS = {b"\x89MCAP0": ".mcap", b"SQLite": ".db3", b"#ROSBA": ".bag"}  # by their first bytes
 _VECTORS = ("force", "position", "translation")  # of messages, with x, y and z
 _DEEPEST = 6  # levels of a message; those of wrenches and poses have four
 _OUT_OF_TIME = int(getattr(signal, "SIGXCPU", 0))
-_UNITS = ("unit_string", "NI_UnitDescription", "unit", "units", "Unit", "Units")
 
 Named = list[tuple[Any, np.ndarray]]
 """Vectors, each with its group, its name and its unit; of a workbook, with the sheet's name."""
@@ -46,8 +42,6 @@ class ApartError(Exception):
 
 def read_apart(kind: str, path: Path, limit: float | None = None) -> Named:
     """Return the vectors of a file, each with what its reader says of it."""
-    if _is_cut(path):
-        raise ApartError("it ends before what it says it holds")
     if limit is None:
         limit = TIME_S + _PER_MB_S.get(kind, 0.1) * path.stat().st_size / 2**20
     # threads of the libraries take address space each
@@ -69,19 +63,6 @@ def read_apart(kind: str, path: Path, limit: float | None = None) -> Named:
         return [(name, arrays[f"a{k}"]) for k, name in enumerate(json.loads(str(arrays["names"])))]
 
 
-def _is_cut(path: Path) -> bool:
-    """Return whether HDF5's first block states an end beyond the file's, which needs no library."""
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        for begin in _HDF5_BEGINS:
-            stream.seek(begin)
-            block = stream.read(48)
-            if block.startswith(_HDF5) and len(block) == 48:
-                offset = _END.get(block[8])
-                return offset is not None and int.from_bytes(block[offset:][:8], "little") > size
-    return False
-
-
 def _hdf5(path: str) -> Named:
     """Return vectors of numbers, with their path in the file and their unit."""
     import h5py
@@ -99,7 +80,8 @@ def _hdf5(path: str) -> Named:
 
 
 def _unit(attributes: Any) -> str:
-    value = next((attributes[key] for key in _UNITS if key in attributes), "")
+    keys = ("unit_string", "NI_UnitDescription", "unit", "units", "Unit", "Units")
+    value = next((attributes[key] for key in keys if key in attributes), "")
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 

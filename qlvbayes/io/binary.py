@@ -131,10 +131,10 @@ def _of_vectors(vectors: Named, path: Path) -> list[Recording]:
                 file=path,
                 remedy="export them at one rate, or as text with a clock each",
             )
-        values = [named[column.index][2] for column in picked.values()]
+        vectors_of = [named[column.index][2] for column in picked.values()]
         others = [column for column in columns if column.name != "wf_increment"]
         own_name = group.rpartition("/")[2] if several else ""
-        tests.append(recording(others, picked, values, {}, own_name))
+        tests.append(recording(others, picked, vectors_of, {}, own_name))
     return tests
 
 
@@ -144,10 +144,12 @@ def _of_curves(vectors: Named, path: Path) -> list[Recording]:
     for k in range(0, len(vectors), 3):
         kinds = ("time", "displacement", "force")
         curve = zip(kinds, vectors[k : k + 3], strict=True)
-        channels = [Channel(kind, values, unit, own) for kind, ((_, own, unit), values) in curve]
+        time, way, load = (
+            Channel(kind, values, unit, own) for kind, ((_, own, unit), values) in curve
+        )
         name = vectors[k][0][0] if len(vectors) > 3 else ""
         # a repelled tip bends away: afmformats' own sign of the force
-        tests.append(Recording(*channels, name=name, pressing=True))
+        tests.append(Recording(time, way, load, name=name, pressing=True))
     return tests
 
 

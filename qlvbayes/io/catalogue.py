@@ -192,19 +192,13 @@ def _remember(key: str) -> None:
 
 def own_classes(path: Path, base: type[Kind], content: str) -> tuple[type[Kind], ...]:
     """Return the classes under ``base`` that a user's file defines, in its order."""
-    module = _own_module(path, content)
+    module = own_module(path, content)
     kinds = [
         kind
         for kind in vars(module).values()
         if inspect.isclass(kind) and issubclass(kind, base) and kind.__module__ == module.__name__
     ]
     return tuple(dict.fromkeys(kind for kind in kinds if not kind.__name__.startswith("Abstract")))
-
-
-def own_values(path: Path, kind: type[Kind]) -> list[Kind]:
-    """Return the values of a class that a file assigns to names of its own, in its order."""
-    module = _own_module(path, f"values of {kind.__name__}")
-    return [value for value in vars(module).values() if isinstance(value, kind)]
 
 
 def check_own(
@@ -225,7 +219,8 @@ def check_own(
         taken[kind.name] = "is in this file already"
 
 
-def _own_module(path: Path, content: str) -> ModuleType:
+def own_module(path: Path, content: str) -> ModuleType:
+    """Return a user's file as a module; ``content`` is what it is to have."""
     if path.suffix != ".py" or not path.is_file():
         raise InputError(
             "no such Python file", file=path, remedy=f"give the path of a .py file with {content}"

@@ -45,17 +45,11 @@ class InputError(Exception):
         super().__init__(visible(" ".join(text.split())))
 
 
-def closest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that a mistyped one is closest to; None where none is close."""
-    by_lower = {one.lower(): one for one in known}
-    found = get_close_matches(name.lower(), by_lower, n=1, cutoff=_CLOSE)
-    return by_lower[found[0]] if found else None
-
-
 def meant(name: str, known: Iterable[str]) -> str:
     """Return 'did you mean friction? If not, ' for friktion; empty where no name is close."""
-    near = closest(name, known)
-    return f"did you mean {near}? If not, " if near else ""
+    by_lower = {one.lower(): one for one in known}
+    near = get_close_matches(name.lower(), by_lower, n=1, cutoff=_CLOSE)
+    return f"did you mean {by_lower[near[0]]}? If not, " if near else ""
 
 
 def check_known(what: str, name: str, known: Iterable[str]) -> None:

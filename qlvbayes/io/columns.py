@@ -349,10 +349,12 @@ def recording(
     name: str = "",
 ) -> Recording:
     """Return a recording of the picked columns, their values in the same order."""
-    channels = [
-        Channel(quantity, _of_logarithm(named.name, column), named.unit, named.name)
-        for (quantity, named), column in zip(picked.items(), values, strict=True)
-    ]
+    channels = []
+    for (quantity, named), column in zip(picked.items(), values, strict=True):
+        word, _, of = named.name.partition(" ")
+        if of and _LOGARITHM.fullmatch(f"{word}({of})"):  # the column has logarithms
+            column = np.asarray(_BASES.get(word, 10.0) ** column)
+        channels.append(Channel(quantity, column, named.unit, named.name))
     taken = {named.name for named in picked.values()}
     unused = tuple(c.name for c in columns if c.name and c.name not in taken)
     time, way, load = channels
@@ -360,14 +362,6 @@ def recording(
         _SHEAR.search(plain_name(one.name)) for one in (way, load)
     )
     return Recording(time, way, load, name, dropped=dropped, unused=unused, pressing=pressing)
-
-
-def _of_logarithm(name: str, values: Floats) -> Floats:
-    """Return values in their unit, also where the column has their logarithm."""
-    word, _, of = name.partition(" ")
-    if not of or not _LOGARITHM.fullmatch(f"{word}({of})"):
-        return values
-    return np.asarray(_BASES.get(word, 10.0) ** values)
 
 
 def split_name(name: str) -> tuple[str, str] | None:

@@ -280,11 +280,11 @@ class _Builder:
         """Raise InputError unless the test can be used."""
         time, way, force = (columns[key] for key in ("time", "displacement", "force"))
         for key, counts in (("displacement", np.ones_like(used)), ("force", used)):
-            missing = no_readings(columns[key][counts])
-            if missing.count:
-                first = int(np.flatnonzero(counts)[np.argmax(missing.rows)])
-                what = f"{names[key]} is {missing.written}, a code for no reading, in "
-                what += "one row," if missing.count == 1 else f"{missing.count} rows, the first"
+            lost, codes = no_readings(columns[key][counts])
+            if count := np.count_nonzero(lost):
+                first = int(np.flatnonzero(counts)[np.argmax(lost)])
+                what = f"{names[key]} is {codes}, a code for no reading, in "
+                what += "one row," if count == 1 else f"{count} rows, the first"
                 what += f" at {time[first]:.6g} s,"
                 self.fail(first, what, "delete these rows")
         if slipped(time) is None:

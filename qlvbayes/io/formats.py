@@ -20,7 +20,7 @@ from qlvbayes.io.catalogue import (
     check_own,
     installed,
     own_classes,
-    own_values,
+    own_module,
     run_checks,
 )
 from qlvbayes.io.checks import InputError
@@ -109,7 +109,7 @@ def known_formats() -> tuple[Format, ...]:
 def own_formats(path: Path) -> tuple[Format, ...]:
     """Return the layouts that a Python file defines: classes first, then rows as those here."""
     kinds = own_classes(path, AbstractFormat, "formats")  # type: ignore[type-abstract]
-    rows: Sequence[Layout] = own_values(path, Layout)
+    rows = [row for row in vars(own_module(path, "formats")).values() if isinstance(row, Layout)]
     if not kinds and not rows:
         remedy = "write a Layout, or a class that extends AbstractFormat"
         raise InputError("defines no format", file=path, remedy=remedy)

@@ -251,22 +251,19 @@ def _without_missing(recording: Recording) -> Recording:
         return recording  # of a bag, in which each channel has rows of its own
     channels = (recording.time, recording.way, recording.load)
     missing = [no_readings(c.values, coded=c is not recording.time) for c in channels]
-    lost = np.logical_or.reduce([one.rows for one in missing])
+    lost = np.logical_or.reduce([rows for rows, _ in missing])
     if not lost.any():
         return recording
     dropped = dict(recording.dropped)
-    for channel, one in zip(channels, missing, strict=True):
-        if one.count:
-            what = f"a code for no reading ({one.written})" if one.codes else "no number"
-            dropped[f"rows with {what} in {channel.name}"] = one.count
+    for channel, (rows, codes) in zip(channels, missing, strict=True):
+        if rows.any():
+            what = f"a code for no reading ({codes})" if codes else "no number"
+            dropped[f"rows with {what} in {channel.name}"] = int(np.count_nonzero(rows))
     return replace(recording.changed(itemgetter(~lost)), dropped=dropped)
 
 
 def _is_still(recording: Recording, *, prescribed: bool = False) -> bool:
-    """Return whether a channel never changes.
-
-    A ``prescribed`` force may rest, but not at zero, nor while the platen moves to and fro.
-    """
+    """Return whether a channel never changes, but for a ``prescribed`` force on what creeps."""
     way, load = recording.way.values, recording.load.values
     if len(way) < LEAST_SAMPLES or np.ptp(way) == 0.0:
         return True

@@ -142,14 +142,9 @@ class Sampling:
     missing: int
     lag: float | None = None
 
-    @property
-    def even(self) -> bool:
-        """Return whether all steps are about the same."""
-        return self.high < _UNEVEN * self.low
-
     def describe(self) -> str:
         """Return the sampling as one line of text."""
-        steps = f"{self.step:.4g} s a row" if self.even else (
+        steps = f"{self.step:.4g} s a row" if self.high < _UNEVEN * self.low else (
             f"uneven, {self.low:.3g} to {self.high:.3g} s a row"
         )  # fmt: skip
         missing = f", {self.missing} samples missing in gaps" if self.missing else ""
@@ -168,26 +163,11 @@ def sampling_of(time: Floats, lag: float | None = None) -> Sampling:
 # Numbers that are no readings
 
 
-@dataclass(frozen=True, eq=False)
-class NoReading:
-    """Rows (rows,) in which a channel has no reading, and the codes that stand there."""
+def no_readings(values: Floats, *, coded: bool = True) -> tuple[Mask, str]:
+    """Return the rows (n,) whose number is not finite, too large to be measured, or a code.
 
-    rows: Mask
-    codes: tuple[float, ...]
-
-    @property
-    def count(self) -> int:
-        """Return the number of rows."""
-        return int(np.count_nonzero(self.rows))
-
-    @property
-    def written(self) -> str:
-        """Return the codes as text for a message: '-999', '-999 and -9999'."""
-        return " and ".join(f"{code:.12g}" for code in self.codes[:3])
-
-
-def no_readings(values: Floats, *, coded: bool = True) -> NoReading:
-    """Return the rows whose number is not finite, too large to be measured, or a code."""
+    The codes are text for a message, as '-999 and -9999'; empty where no number stands there.
+    """
     lost = ~(np.abs(values) < LARGEST)  # true of what is not finite too
     codes = set(values[lost & np.isfinite(values)].tolist())
     for code in _far_away(values[~lost]) if coded else ():
@@ -196,7 +176,7 @@ def no_readings(values: Floats, *, coded: bool = True) -> NoReading:
         if _CODE.fullmatch(f"{code:.12g}") and not held:  # rounding of a unit's factor is beyond
             codes.add(code)
             lost |= here
-    return NoReading(lost, tuple(sorted(codes, key=abs)))
+    return lost, " and ".join(f"{code:.12g}" for code in sorted(codes, key=abs)[:3])
 
 
 def _far_away(values: Floats) -> list[float]:

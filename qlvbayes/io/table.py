@@ -183,13 +183,10 @@ def read_rows(data: bytes, form: RowForm, file: Path, first: int = 1) -> Rows:
 
     def line(row: int) -> int:
         lines = enumerate(data.split(b"\n"), first)
-        return next(islice((n for n, text in lines if _is_row(text)), row, None))
+        whole = (n for n, text in lines if text.strip() and not text.startswith(b"#"))
+        return next(islice(whole, row, None))
 
     return Rows(*found, dropped, line)
-
-
-def _is_row(text: bytes) -> bool:
-    return bool(text.strip()) and not text.startswith(b"#")
 
 
 def _without_cut(data: bytes, form: RowForm, dropped: dict[str, int]) -> bytes:

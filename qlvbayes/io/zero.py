@@ -229,13 +229,14 @@ def with_zeros(shown: Sequence[Loaded], answers: Answers) -> list[Loaded | Unsur
             late = one.sliding
             if answers.contact is None and late is not None and late is not one.contact:
                 position = one.written(late.position)
-                found = _and_said(
-                    found,
+                *others, last = found.findings
+                last += (
                     f"; doubt: the force steps by {plain(late.sliding)} {one.units.force} as the "
                     f"platen begins to move and rises again at {position} "
                     f"{one.units.displacement}: if friction or drag of the rig makes the step, "
-                    f"--contact {position}",
+                    f"--contact {position}"
                 )
+                found = replace(found, findings=(*others, last))
         results.append(found)
     return results
 
@@ -245,12 +246,6 @@ def _with_zero(
 ) -> Loaded:
     """Return a test with its zeros, the contact that shows them, and how they were found."""
     return replace(one, zero=zero, findings=(*one.findings, finding), contact=contact, **more)
-
-
-def _and_said(one: Loaded, words: str) -> Loaded:
-    """Return a test with more words on how its zero was found."""
-    *others, last = one.findings
-    return replace(one, findings=(*others, last + words))
 
 
 def _zeroed(
@@ -285,10 +280,7 @@ def _zeroed(
         )
         same = {key: getattr(before, key) for key in ("zero_sd", "contact_stage", "tare_sd")}
         return _with_zero(one, before.zero, finding, before.contact, **same)
-    zero = _at_start(one)
-    if isinstance(zero, Loaded) and agreed is not None:
-        return _and_said(zero, _doubt(one, agreed))
-    return zero
+    return _at_start(one, "" if agreed is None else _doubt(one, agreed))
 
 
 def _stated(one: Loaded, written: float) -> Loaded:
@@ -312,8 +304,7 @@ def _stated(one: Loaded, written: float) -> Loaded:
 
 
 def _taken_off(one: Loaded, rest: float) -> str:
-    taken = f"{plain(one.signs.load * rest)} {one.units.force}"
-    return f"; taken off the force: {taken} before contact"
+    return f"; taken off the force: {plain(one.signs.load * rest)} {one.units.force} before contact"
 
 
 def _label(one: Loaded, stage: StageContact) -> str:
@@ -384,7 +375,7 @@ def _at_contact(
     )  # fmt: skip
 
 
-def _at_start(one: Loaded) -> Loaded | UnsureError:
+def _at_start(one: Loaded, doubt: str = "") -> Loaded | UnsureError:
     """Return the first row as zero, if the force is none there: the test begins in contact."""
     length, force = one.units.displacement, one.units.force
     first, peak = one.force_at_first, float(np.abs(one.force).max())
@@ -405,6 +396,6 @@ def _at_start(one: Loaded) -> Loaded | UnsureError:
     reach = share * float(one.displacement[int(np.argmax(one.force))] - position)
     finding = (
         f"contact at {where}: there is no approach, and the first row has "
-        f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher)"
+        f"{share:.2%} of the peak force (it may lie {plain(reach, 2)} {length} higher){doubt}"
     )
     return _with_zero(one, 0.0 if near else position, finding)

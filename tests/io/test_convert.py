@@ -137,19 +137,6 @@ def test_rows_long_before_contact_are_left_out_and_counted():
     assert len(test.time) + dropped == 1039  # rows of the file
 
 
-def test_a_later_test_that_begins_in_contact_has_the_zero_of_the_first(tmp_path):
-    late = CORPUS / "other" / "in_contact-wintest.txt"
-    scans = [path.read_text() for path in (of_layout("wintest-b.txt"), late)]
-    names = "".join(scans[0].splitlines(keepends=True)[:2])
-    bodies = [scan.split(names)[1] for scan in scans]
-    source = tmp_path / "a.txt"
-    source.write_text(names + bodies[0] + names + bodies[1])
-    one, other = convert([source]).tests
-    assert one.zero == other.zero
-    assert one.contact == other.contact
-    assert "the zero of the file's test before" in " ".join(other.findings)
-
-
 def test_the_picture_shows_every_test_with_its_contact():
     axes = plot_conversion(convert([of_layout("mach-1-b.txt")]), width=85.0)
     drawn = [line.get_gid() for axis in axes for line in axis.get_lines()]

@@ -80,16 +80,10 @@ def test_three_columns_are_enough_and_values_are_the_nearest_floats_to_the_text(
     np.testing.assert_allclose(test.force, values[:, 1], rtol=3e-16, atol=0)
 
 
-def test_an_unknown_pad_is_refused_and_a_test_in_two_places_is_one_if_its_time_goes_on(tmp_path):
+def test_an_unknown_pad_is_refused_with_the_names_that_are_known(tmp_path):
     study = read_measurements(write(tmp_path, f"pad,{HEADER}\n" + rows("oil,") + rows("glycerin,")))
     with pytest.raises(InputError, match=r"pads\.csv: no pad 'air'; name one of: oil, glycerin"):
         study.pad("air")
-    lines = rows().splitlines(keepends=True)
-    text = f"pad,{HEADER}\n" + "".join(f"A,{line}B,{line}" for line in lines)
-    study = read_measurements(write(tmp_path, text))
-    for pad in study.pads:
-        np.testing.assert_allclose(pad.tests[0].time, ramp()[0], atol=1e-6)
-        np.testing.assert_allclose(pad.tests[0].force, ramp()[2], atol=1e-6)
 
 
 def test_signs_in_doubt_pass():
@@ -139,7 +133,7 @@ def columns_of_a_test(draw):
     grows = np.cumsum(draw(st.lists(st.floats(1e-3, 1.0), min_size=size, max_size=size)))
     # loggers write a row of nines, or a number out of all range, where they have no reading
     force = np.array(draw(st.lists(st.floats(0.0, 8e5), min_size=size, max_size=size)))
-    assume(not no_readings(force).rows.any())
+    assume(not no_readings(force)[0].any())
     force[0], force[-1] = 0.5, 2.0  # not constant
     sd = np.array(draw(st.lists(st.floats(1e-6, 10.0), min_size=size, max_size=size)))
     return np.cumsum(steps), grows, force, sd

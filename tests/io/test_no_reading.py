@@ -39,22 +39,22 @@ def with_values(rows, value, record=RECORD):
     [-999.0, 9999.0, -99.0, 99.99, -999.25, -32768.0, 9.9e37, -1e30, 1e160],
 )
 def test_codes_of_loggers_are_no_readings(code):
-    found = no_readings(with_values([3, 20, 21], code))
-    assert np.flatnonzero(found.rows).tolist() == [3, 20, 21]
-    assert found.codes == (code,)
+    rows, codes = no_readings(with_values([3, 20, 21], code))
+    assert np.flatnonzero(rows).tolist() == [3, 20, 21]
+    assert codes == f"{code:.12g}"
 
 
 def test_two_codes_and_what_is_not_finite_are_found_together_and_readings_stay():
     record = with_values([3], -999.0, with_values([9], 9999.0, with_values([12], math.nan)))
-    assert np.flatnonzero(no_readings(record).rows).tolist() == [3, 9, 12]
-    assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False).rows.any()  # a clock
+    assert np.flatnonzero(no_readings(record)[0]).tolist() == [3, 9, 12]
+    assert not no_readings(np.array([0.0, 1.0, 2.0, 999.0]), coded=False)[0].any()  # a clock
     for sound in (
         np.linspace(0.0, -1200.0, 1201),  # passes -999 on its way
         with_values([5], 5.0),  # a spike is no code
         with_values(slice(10, 80), 99.0, np.zeros(80)),  # a step of 99, held
         RECORD,
     ):
-        assert not no_readings(sound).rows.any()
+        assert not no_readings(sound)[0].any()
 
 
 def test_a_reader_that_does_not_end_is_ended_and_a_refusal_is_a_line(tmp_path):

@@ -8,7 +8,7 @@ from support.endtoend import call
 from support.machine_files import pressed
 
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.columns import is_mean, split_header
+from qlvbayes.io.columns import split_header
 from qlvbayes.io.conversion import convert, write_csv
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.header import stated_above
@@ -133,16 +133,6 @@ def test_records_that_begin_at_zero_keep_their_first_rows():
     for way in (ramp, step, step + noise, np.floor(time * 5.0) * 0.3):
         assert unread_rows(time, way, 2.0 * way) == 0
     assert unread_rows(time, np.where(time < 0.05, 0.0, 30.0 + ramp), 2.0 * ramp) == 3
-
-
-def test_names_of_a_speed_are_no_mean_specimen():
-    means = ("Mean", "Mittelwert", "Moyenne", "Average", "Eprouvette moyenne", "Mittelwertprobe",
-             "Mean curve",
-             "Silicone mean", "Moyenne des éprouvettes", "Kurven Mittelwert")  # fmt: skip
-    assert all(map(is_mean, means))
-    tests = ("vitesse moyenne", "mean speed", "mittlere Geschwindigkeit", "velocidad media",
-             "average rate", "compression moyenne")  # fmt: skip
-    assert not any(map(is_mean, tests))
 
 
 @pytest.mark.parametrize(
