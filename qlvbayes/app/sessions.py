@@ -74,7 +74,7 @@ class BenchPad(msgspec.Struct):
         self.current = number
         return state
 
-    def state(self, number: int) -> HistoryState:
+    def state(self, number: Any) -> HistoryState:
         """Return the state of that number; raise RefusedError where there is none."""
         for state in self.history:
             if state.id == number:

@@ -7,12 +7,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Data, Seed, among, known_names, positive_values
+from qlvbayes.cli.options import among, known_names, positive_values
 from qlvbayes.io.checks import InputError
 
 if TYPE_CHECKING:
@@ -21,52 +19,32 @@ if TYPE_CHECKING:
 
 
 def compare(
-    folders: Annotated[
-        list[Path],
-        typer.Argument(
-            help="The folder that 'fit' or 'study' wrote, or several; results go to the first.",
-            metavar="OUT",
-        ),
-    ],
-    pads: Annotated[
-        str,
-        typer.Option(
-            "--pads",
-            "--pad",
-            help="Two or more pads, as 'B,C'; each pair is compared. Default: all.",
-        ),
-    ] = "",
-    fluids: Annotated[
-        bool | None,
-        typer.Option(
-            "--fluids/--specimens",
-            help="Compare fluids, with the spread between specimens, or single pads. Default: "
-            "fluids where two of them have two specimens or more.",
-        ),
-    ] = None,
-    region: Annotated[
-        float, typer.Option(help="Ratios from 1/(1 + region) to 1 + region count as equal.")
-    ] = 0.1,
-    depth: Annotated[
-        float | None,
-        typer.Option(help="Depth (first pad's unit). Default: a round one that all tests reach."),
-    ] = None,
-    rates: Annotated[
-        str,
-        typer.Option(help="Rates (first pad's unit), as '0.1,1,30'. Default: of the tests' range."),
-    ] = "",
-    frequencies: Annotated[
-        str, typer.Option(help="Frequencies (Hz), as '0.1,1'. Default: of the tests' range.")
-    ] = "",
-    data: Data = None,
-    seed: Seed = 0,
-    as_json: AsJson = False,
+    folders: list[Path],
+    pads: str = "",
+    fluids: bool | None = None,
+    region: float = 0.1,
+    depth: float | None = None,
+    rates: str = "",
+    frequencies: str = "",
+    data: Path | None = None,
+    seed: int = 0,
+    as_json: bool = False,
 ) -> None:
     """Compare pads or fluids: every constant, stiffness, forces, times, lost energy, loss tangent.
 
     Each with its difference and ratio, 90 % intervals, the probability of the direction and of
     practical equivalence, and the answer: greater, less, equal, or cannot tell. Leaves
     OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
+
+    Options:
+    folders OUT: The folder that 'fit' or 'study' wrote, or several; results go to the first.
+    pads --pads --pad: Two or more pads, as 'B,C'; each pair is compared. Default: all.
+    fluids --fluids/--specimens: Compare fluids, with the spread between specimens, or single pads.
+        Default: fluids where two of them have two specimens or more.
+    region: Ratios from 1/(1 + region) to 1 + region count as equal.
+    depth: Depth (first pad's unit). Default: a round one that all tests reach.
+    rates: Rates (first pad's unit), as '0.1,1,30'. Default: of the tests' range.
+    frequencies: Frequencies (Hz), as '0.1,1'. Default: of the tests' range.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.tables import contrasts_table

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out, table
-from qlvbayes.cli.options import AsJson, Data, Pads, Seed, known_names, positive_values, split_names
-from qlvbayes.io.catalogue import MOST_TESTS
+from qlvbayes.cli.options import known_names, positive_values, split_names
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.wording import plain
 
@@ -23,29 +21,15 @@ _FILES = ("posterior.nc", "diagnosis.json")
 
 
 def design(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'study' or 'fit' wrote.")],
-    pads: Pads = "",
-    wanted: Annotated[
-        str,
-        typer.Option(
-            "--for",
-            help="Constants to be known better, as 'm,b'; 'cause' to distinguish the explanations "
-            "that the diagnosis left; or both. Default: all that is not known.",
-        ),
-    ] = "",
-    minutes: Annotated[float, typer.Option(help="Of rig time, pauses too, at most.")] = 10.0,
-    tests: Annotated[int, typer.Option(min=1, max=MOST_TESTS, help="At most.")] = 3,
-    limits: Annotated[
-        str,
-        typer.Option(
-            "--limits",
-            help="Of the rig, in the file's units, as 'depth=2,speed=50,acceleration=1000'. "
-            "Default: as tested.",
-        ),
-    ] = "",
-    data: Data = None,
-    seed: Seed = 0,
-    as_json: AsJson = False,
+    folder: Path,
+    pads: str = "",
+    wanted: str = "",
+    minutes: float = 10.0,
+    tests: int = 3,
+    limits: str = "",
+    data: Path | None = None,
+    seed: int = 0,
+    as_json: bool = False,
 ) -> None:
     """Propose the most informative tests, and write their set-points.
 
@@ -54,6 +38,15 @@ def design(
     that they are expected to give.
     Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'check
     --program') and the figure design.
+
+    Options:
+    folder FOLDER: The folder that 'study' or 'fit' wrote.
+    wanted --for: Constants to be known better, as 'm,b'; 'cause' to distinguish the explanations
+        that the diagnosis left; or both. Default: all that is not known.
+    minutes: Of rig time, pauses too, at most.
+    tests 1..5: At most.
+    limits: Of the rig, in the file's units, as 'depth=2,speed=50,acceleration=1000'. Default: as
+        tested.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_figures

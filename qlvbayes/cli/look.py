@@ -9,14 +9,14 @@ from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.cli.console import err, out, table, waiting
-from qlvbayes.cli.options import AsJson, InputOptions, converted, split_names, with_groups
+from qlvbayes.cli.options import InputOptions, converted, split_names
 from qlvbayes.cli.settings import StudySettings
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed, plain
@@ -31,28 +31,8 @@ if TYPE_CHECKING:
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
 
-@with_groups
 def look(
-    inputs: InputOptions,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="Folder for look.json and the pictures; or a .csv or .csv.gz file, to make "
-            "machines' files tidy. Without it nothing is written.",
-        ),
-    ] = None,
-    *,
-    cause: Annotated[
-        bool,
-        typer.Option(
-            "--cause",
-            help="Fit the plain model once, and print a first guess of what it misses, learnt from "
-            "simulated pads; 'diagnose' decides.",
-        ),
-    ] = False,
-    as_json: AsJson = False,
+    inputs: InputOptions, output: Path | None = None, *, cause: bool = False, as_json: bool = False
 ) -> None:
     """Look at measurements before anything is fitted: what is in them, and what they can show.
 
@@ -67,6 +47,12 @@ def look(
     picture next to it. Layouts are recognised by the files' first bytes; sign, zero, units,
     sampling, dropped rows and clocks are determined and reported. What a file leaves open is asked
     on a terminal, and refused in a pipe.
+
+    Options:
+    output -o --output: Folder for look.json and the pictures; or a .csv or .csv.gz file, to make
+        machines' files tidy. Without it nothing is written.
+    cause: Fit the plain model once, and print a first guess of what it misses, learnt from
+        simulated pads; 'diagnose' decides.
     """
     if output is not None and output.name.lower().endswith((".csv", ".csv.gz")):
         _make_tidy(inputs, output, as_json=as_json)
@@ -74,14 +60,12 @@ def look(
     # imported here, so that the help does not wait for them
     from qlvbayes.motion.experiment import prepare
     from qlvbayes.motion.pad import arguments_of, refuse_unknown
-    from qlvbayes.pipeline.looking import look_into
+    from qlvbayes.report.firstlook.looking import look_into
 
     chosen = inputs.chosen
     source = inputs.source()
     studies, refused = _studies(source)
     parts, gaps = chosen["use"], chosen["leave-out"]
-    if not studies and not refused:
-        raise source.refusal
     if studies:
         refuse_unknown([pad for one in studies for pad in one.pads], parts, gaps)
     if studies and not as_json:

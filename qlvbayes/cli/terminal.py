@@ -56,8 +56,7 @@ class Terminal(Watcher):
         """
         source = inputs.source(part)  # may ask, and no spinner may turn then
         self._grouping = source.grouping
-        for notice in in_short(source.notices):
-            self.notice(notice)
+        self.notice(*in_short(source.notices))
         return source
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
@@ -94,11 +93,12 @@ class Terminal(Watcher):
         if not self.quiet:
             err.print(f"took {_duration(time.monotonic() - self._began)}")
 
-    def notice(self, text: str) -> None:
-        """Print a notice once: several steps may give the same."""
-        if text not in self._noticed:
-            self._noticed.add(text)
-            err.print(f"notice: {text}")
+    def notice(self, *texts: str) -> None:
+        """Print each notice once: several steps may give the same."""
+        for text in texts:
+            if text not in self._noticed:
+                self._noticed.add(text)
+                err.print(f"notice: {text}")
 
     def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
         """Print what is in the tests, before anything is fitted."""

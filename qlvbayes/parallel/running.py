@@ -13,7 +13,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -30,7 +30,6 @@ Answer = TypeVar("Answer")
 Found = TypeVar("Found")
 
 _WAITING = 1000  # outcomes kept at most while that of an item before them is not there
-_SLURM = tuple(f"SLURM_ARRAY_TASK_{what}" for what in ("ID", "MIN", "COUNT"))
 _IN_TURN = threading.Lock()  # figures have settings of the whole process: one task at a time
 
 
@@ -96,22 +95,20 @@ class FailedError(InputError):
 
 @dataclass(frozen=True)
 class Shard:
-    """One part of many, each run by itself: ``3/200`` is the third of two hundred.
+    """One part of many, each run by itself: ``3/200`` is the third of two hundred."""
 
-    index: Its number, from 1; count: How many there are; every item is in exactly one part.
-    """
-
-    index: int = 1
+    index: int = 1  # from 1
     count: int = 1
 
     @classmethod
     def from_text(cls, text: str) -> Shard:
         """Read ``3/200``, or ``slurm``: the index of this job in an array of SLURM."""
-        if text.strip().lower() == "slurm":
-            return cls._from_slurm()
         index, slash, count = (part.strip() for part in text.partition("/"))
-        if index.lower() == "slurm":  # of an array that is smaller than the number of parts
-            index = str(cls._from_slurm().index)
+        if index.lower() == "slurm":
+            job = cls._from_slurm()
+            if not slash:
+                return job
+            index = str(job.index)  # of an array that is smaller than the number of parts
         if not (slash and index.isdecimal() and count.isdecimal()):
             raise InputError(f"no part {text!r}", remedy="write it as 3/200, or as slurm")
         if not 1 <= int(index) <= int(count):
@@ -121,11 +118,12 @@ class Shard:
 
     @classmethod
     def _from_slurm(cls) -> Shard:
-        values = [os.environ.get(name, "") for name in _SLURM]
+        values = [os.environ.get(f"SLURM_ARRAY_TASK_{x}", "") for x in ("ID", "MIN", "COUNT")]
         if not all(text.isdecimal() for text in values):
-            what = "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set"
-            remedy = "run it by sbatch --array=1-200, or write the part as 3/200"
-            raise InputError(what, remedy=remedy)
+            raise InputError(
+                "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set",
+                remedy="run it by sbatch --array=1-200, or write the part as 3/200",
+            )
         task, first, count = map(int, values)
         if not 1 <= task - first + 1 <= count:
             what = f"the SLURM array has gaps: task {task} of {count} that begin with {first}"
@@ -233,14 +231,17 @@ def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, A
 def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, Fault | None]:
     """Return the task's answer, or its fault; both can be pickled, an exception may not."""
     # numbers must not depend on how many threads there are
-    with _IN_TURN, one_blas_thread(), _without_scheduler():
+    with _IN_TURN, one_blas_thread(), ExitStack() as stack:
+        if "distributed" in sys.modules:  # or xarray asks the scheduler for locks on files
+            import dask
+
+            stack.enter_context(dask.config.set(scheduler="synchronous"))
         try:
-            answer = task(item)
+            return task(item), None
         except Exception as error:  # one bad item must not stop the others
             return None, fault_of(error)
         finally:
             forget_compiled()
-    return answer, None
 
 
 def _tried_elsewhere(
@@ -251,12 +252,3 @@ def _tried_elsewhere(
         version = f"the worker has another version of qlvbayes ({qlvbayes.__version__})"
         return None, Fault(f"{version}; install the same one where it runs")
     return _tried(task, item)
-
-
-def _without_scheduler() -> AbstractContextManager[object]:
-    """Stop xarray, in a worker of Dask, from asking the scheduler for locks on files."""
-    if "distributed" not in sys.modules:
-        return nullcontext()
-    import dask
-
-    return cast(AbstractContextManager[object], dask.config.set(scheduler="synchronous"))

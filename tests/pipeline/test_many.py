@@ -17,9 +17,9 @@ from qlvbayes.io.files import alone_in
 from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.running import FailedError, Fault
 from qlvbayes.pipeline.derived import draw_constants
-from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Work, map_pads, run_pads
+from qlvbayes.pipeline.many import map_pads, run_pads
 from qlvbayes.pipeline.steps import FINISHED, faults_in
+from qlvbayes.report.firstlook.looking import look_into
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
@@ -28,8 +28,8 @@ QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
 def run(out, names, step=None, engine=None):
     listener = Listener()
     step = step or MeanStep()
-    work = [one if isinstance(one, Fault) else Work((step,), one, out) for one in pads(*names)]
-    done = run_pads(out, work, size=len(names), engine=engine, watcher=listener)
+    options = {"size": len(names), "engine": engine, "watcher": listener}
+    done = run_pads(out, pads(*names), lambda study: [step], **options)
     told = zip(["", *listener.notices], listener.notices, strict=False)
     # that a pad which was just done is there says nothing more
     return done, [new for old, new in told if new == old or old != new.replace("there", "done")]

@@ -26,7 +26,7 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.optimum import best_model
 from qlvbayes.fitting.residuals import FALSE_ALARMS, error_limit
 from qlvbayes.inference.density import Density, Point
-from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
 from qlvbayes.inference.starts import amplitude_of, projected, transferred
@@ -111,7 +111,7 @@ class Bench:
         """Return the root mean square error of each test and phase that noise hardly exceeds."""
         return _cell_limits(self.samples)
 
-    @cached_property
+    @property
     def effects(self) -> dict[str, AbstractEffect]:
         """Return the effects that can be added, by name."""
         return self.space.effects
@@ -120,17 +120,19 @@ class Bench:
         """Return the model of the choices, its constants at their priors' medians."""
         return ByHand(self.choices.elastic, self.choices.relaxing, self.choices.effects)
 
+    def _own(self, model: ByHand) -> Parameters:
+        """Return the parameters of a model; raise InputError where it is none."""
+        checked(model, self.space)
+        return self.space.parameters(model.hypothesis)
+
     def sliders(self, model: ByHand) -> list[Slider]:
         """Return a model's constants, each with range, unit and meaning."""
-        checked(model, self.space)
-        own = self.space.parameters(model.hypothesis)
+        own = self._own(model)
         return sliders(own, self.space, self.experiment.units, constants_of(model, self.space))
 
     def look(self, model: ByHand) -> Look:
         """Return a model's force and errors, in some milliseconds."""
-        checked(model, self.space)
-        constants = constants_of(model, self.space)
-        own = self.space.parameters(model.hypothesis)
+        own, constants = self._own(model), constants_of(model, self.space)
         with np.errstate(over="ignore", invalid="ignore"):
             forces = self._forces(self.density, model.hypothesis, constants)
             left = [y - f for y, f in zip(self.samples.observed, forces, strict=True)]
@@ -163,17 +165,12 @@ class Bench:
 
     def fit(self, model: ByHand) -> ByHand:
         """Return the model fitted by least squares from its own constants."""
-        checked(model, self.space)
-        own = self.space.parameters(model.hypothesis)
-        return self._least(model, [theta_of(own, constants_of(model, self.space))])
+        return self._least(model, [theta_of(self._own(model), constants_of(model, self.space))])
 
     def add(self, model: ByHand, effect: str) -> ByHand:
         """Return the model with one more effect, both fitted; raise InputError if it cannot be."""
-        more = replace(model, effects=(*model.effects, effect))
-        self._free(model, effect)
-        checked(more, self.space)
+        more, own = self._with(model, effect)
         point = self._point(model)
-        own = self.space.parameters(more.hypothesis)
         start = nothing_added(own, self.space)
         start[own.positions_of(point.own)] = point.theta
         if amplitude_of(own, effect) is None:
@@ -193,30 +190,20 @@ class Bench:
         self, model: ByHand, *, elastic: str | None = None, relaxation: str | None = None
     ) -> ByHand:
         """Return the model on other laws (None keeps one), fitted from their nearest curves."""
-        other = replace(
-            model,
-            elastic=elastic or model.elastic,
-            relaxation=relaxation or model.relaxation,
-            values={},
-        )
-        checked(other, self.space)
-        point = self._point(model)
-        own = self.space.parameters(other.hypothesis)
+        elastic, relaxation = elastic or model.elastic, relaxation or model.relaxation
+        other = replace(model, elastic=elastic, relaxation=relaxation, values={})
+        own, point = self._own(other), self._point(model)
         start = transferred(point.own, point.theta, own, nothing_added(own, self.space))
         near = projected(self.space, point, other.hypothesis, start)
         return self._least(other, [own.within(near)])
 
     def signature(self, model: ByHand, effect: str) -> Signature:
         """Return what an effect would add to a model, at the size that fits its residual."""
-        self._free(model, effect)
-        more = replace(model, effects=(*model.effects, effect))
-        checked(more, self.space)
+        more, _ = self._with(model, effect)
         added = added_effect(self.density, self._point(model), more.hypothesis, effect)
         if added is None:
-            raise InputError(
-                f"the effect {effect} adds no force to this model in these tests",
-                remedy="choose another",
-            )
+            what = f"the effect {effect} adds no force to this model in these tests"
+            raise InputError(what, remedy="choose another")
         along = added.before + _ALONG * (added.moved - added.after)
         constants = added.own.constants(np.stack([added.before, added.after, along]))
         forces = self.samples.predict(more.hypothesis, constants)
@@ -227,16 +214,10 @@ class Bench:
         after = rmse([one - two for one, two in zip(left, moved, strict=True)])
         name = added.own.names[added.amplitude.constant]
         kind = self.effects[effect].units[name.partition(".")[2]]
-        return Signature(
-            effect,
-            name,
-            float(constants[1, added.amplitude.constant]),
-            self.experiment.units.of(kind),
-            alone,
-            moved,
-            1.0 - (after / before) ** 2 if before > 0.0 else 0.0,
-            after,
-        )
+        size = float(constants[1, added.amplitude.constant])
+        takes = 1.0 - (after / before) ** 2 if before > 0.0 else 0.0
+        unit = self.experiment.units.of(kind)
+        return Signature(effect, name, size, unit, alone, moved, takes, after)
 
     def held_out(self, model: ByHand) -> Iterator[float | None]:
         """Yield None while there is more to fit, and at last the held-out error.
@@ -263,8 +244,7 @@ class Bench:
         They belong to draws (S, Q) of the constants that are named, of which some are used. Between
         the ends a reading, with the noise at rest, lies with 90 % probability.
         """
-        checked(model, self.space)
-        order = list(self.space.parameters(model.hypothesis).names)
+        order = list(self._own(model).names)
         some = draws[:: max(1, len(draws) // _DRAWN)][:_DRAWN]
         constants = np.tile(constants_of(model, self.space), (len(some), 1))
         for name, column in zip(names, some.T, strict=True):
@@ -278,18 +258,19 @@ class Bench:
             found.append((low, forces.mean(axis=0), high))
         return found
 
-    def _free(self, model: ByHand, effect: str) -> None:
+    def _with(self, model: ByHand, effect: str) -> tuple[ByHand, Parameters]:
+        """Return a model with one more effect, and its parameters."""
         if effect in model.effects:
             raise InputError(f"the effect {effect} is in the model already", remedy="remove it")
+        more = replace(model, effects=(*model.effects, effect))
+        return more, self._own(more)
 
     def _point(self, model: ByHand) -> Point:
-        checked(model, self.space)
-        own = self.space.parameters(model.hypothesis)
-        point = self.density.at(model.hypothesis, theta_of(own, constants_of(model, self.space)))
+        theta = theta_of(self._own(model), constants_of(model, self.space))
+        point = self.density.at(model.hypothesis, theta)
         if point is None:
-            raise InputError(
-                "the model's force is no number here", remedy="move the constants back"
-            )
+            what = "the model's force is no number here"
+            raise InputError(what, remedy="move the constants back")
         return point
 
     def _least(self, model: ByHand, starts: Sequence[Array]) -> ByHand:

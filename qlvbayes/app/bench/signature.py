@@ -53,11 +53,8 @@ def added_effect(
         return None
     starts = shapes(space, point, own, effect)
     candidates = [_scaled(density, point, own, amplitude, start) for start in starts]
-    return min(
-        (candidate for candidate in candidates if candidate is not None),
-        key=lambda x: x.cost,
-        default=None,
-    )
+    found = [candidate for candidate in candidates if candidate is not None]
+    return min(found, key=lambda x: x.cost, default=None)
 
 
 def _scaled(
@@ -76,12 +73,8 @@ def _scaled(
         matrix = rows @ rows.T
         matrix[:-1, :-1] += prior
         scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        solution = (
-            scale
-            * np.linalg.lstsq(
-                matrix * np.outer(scale, scale), scale * (rows @ residual), rcond=1e-12
-            )[0]
-        )
+        matrix, right = matrix * np.outer(scale, scale), scale * (rows @ residual)
+        solution = scale * np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
         low, high = own.lowest[index] - start[index], own.highest[index] - start[index]
         smallest = _LEAST * amplitude.sd
         scaled = float(np.clip(solution[-1] * size, low, high))
