@@ -109,18 +109,13 @@ def _pairs(
     if fluids is None:
         fluids = not named and bool(fluid_pairs(fits))
     if not (fluids or named) and len(fits) > MOST_ON_A_PAGE:
-        raise InputError(
-            f"{len(fits)} pads make {math.comb(len(fits), 2)} pairs",
-            file=folder,
-            remedy="name those that matter, as --pads A,B",
-        )
+        what = f"{len(fits)} pads make {math.comb(len(fits), 2)} pairs"
+        raise InputError(what, file=folder, remedy="name those that matter, as --pads A,B")
     pairs = fluid_pairs(fits) if fluids else pad_pairs(fits)
     if pairs:
         return pairs
+    what, remedy = "one fit alone", "fit another pad into this folder"
     if fluids:
-        raise InputError(
-            "no two fluids have two specimens or more each: how much specimens differ is unknown",
-            file=folder,
-            remedy="compare single pads with --specimens, or add a fluid column and more pads",
-        )
-    raise InputError("one fit alone", file=folder, remedy="fit another pad into this folder")
+        what = "no two fluids have two specimens or more each: how much specimens differ is unknown"
+        remedy = "compare single pads with --specimens, or add a fluid column and more pads"
+    raise InputError(what, file=folder, remedy=remedy)

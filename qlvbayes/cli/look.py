@@ -62,8 +62,7 @@ def look(
     from qlvbayes.motion.pad import arguments_of, refuse_unknown
     from qlvbayes.report.firstlook.looking import look_into
 
-    chosen = inputs.chosen
-    source = inputs.source()
+    chosen, source = inputs.chosen, inputs.source()
     studies, refused = _studies(source)
     parts, gaps = chosen["use"], chosen["leave-out"]
     if studies:
@@ -75,12 +74,22 @@ def look(
         folder = output
         if output is not None and len(studies) > 1:
             folder = output / Path(study.source).stem
+        files, commands = (study.source,), ()
         arguments = [*arguments_of(study.pads, parts, gaps), *_of_specimen(chosen)]
+        if source.conversion is None:
+            commands = (_study_of(study.source, arguments),)
+        else:
+            files = tuple(dict.fromkeys(str(test.file) for test in source.conversion.tests))
+            named = ["--pad", inputs.pad_words] if inputs.pad_words else []
+            reading = [*files, *named, *chosen.arguments()]
+            commands = (
+                as_typed("qlvbayes", "look", *reading, "-o", "tidy.csv"),
+                as_typed("qlvbayes", "study", *reading, *arguments, "-o", "results"),
+            )
         with waiting("looking"):
             seen, figures = look_into(
                 folder, study, study.pads, prepared=partial(prepare, **chosen.readings),
-                bonded=chosen["bonded"], files=_files(study, source),
-                next_commands=_next(inputs, source, study, arguments),
+                bonded=chosen["bonded"], files=files, next_commands=commands,
             )  # fmt: skip
         looks.append(seen)
         if not as_json:
@@ -181,32 +190,10 @@ def _print_guesses(study: Measurements, inputs: InputOptions, *, as_json: bool) 
         (err if as_json else out).print(f"pad {pad.name}: {guess.sentence}", soft_wrap=True)
 
 
-def _files(study: Measurements, source: Source) -> tuple[str, ...]:
-    """Return the files that measurements came from."""
-    if source.conversion is None:
-        return (study.source,)
-    return tuple(dict.fromkeys(str(test.file) for test in source.conversion.tests))
-
-
 def _of_specimen(chosen: StudySettings) -> list[str]:
     """Return the options that say how the specimen is held and which readings count."""
     held = {None: [], True: ["--bonded"], False: ["--loose"]}[chosen["bonded"]]
     return [*held, *["--keep-all-readings"] * bool(chosen["keep-all-readings"])]
-
-
-def _next(
-    inputs: InputOptions, source: Source, study: Measurements, arguments: Sequence[str]
-) -> tuple[str, ...]:
-    """Return the commands to go on with, as they are typed."""
-    if source.conversion is None:
-        return (_study_of(study.source, arguments),)
-    files = _files(study, source)
-    pads = ["--pad", inputs.pad_words] if inputs.pad_words else []
-    reading = [*files, *pads, *inputs.chosen.arguments()]
-    return (
-        as_typed("qlvbayes", "look", *reading, "-o", "tidy.csv"),
-        as_typed("qlvbayes", "study", *reading, *arguments, "-o", "results"),
-    )
 
 
 def _study_of(file: str, arguments: Sequence[str], folder: Path = Path()) -> str:
@@ -258,16 +245,12 @@ def _tests(pad: PadSeen, units: UnitSystem) -> Table:
         *[">left out"] * left,
     )  # fmt: skip
     for test in pad.tests:
+        rate = "" if test.rate is None else plain(test.rate)
+        interval = test.sampling.replace(" rows", "").replace(" a row", "")
         made.add_row(
-            test.test,
-            test.role,
-            "" if test.rate is None else plain(test.rate),
-            plain(test.depth),
-            plain(test.peak),
-            phases_in_words(test.phases),
-            test.sampling.replace(" rows", "").replace(" a row", ""),
-            *([str(test.left_out) if test.left_out else ""] if left else []),
-        )
+            test.test, test.role, rate, plain(test.depth), plain(test.peak),
+            phases_in_words(test.phases), interval, *[str(test.left_out or "")] * left,
+        )  # fmt: skip
     return made
 
 
@@ -275,10 +258,6 @@ def _shown(title: str, shown: Sequence[Shown]) -> Table:
     made = table(title, "part of the model", "shown", "because", "what would show it")
     for one in shown:
         names = ", ".join(name for name in (*one.constants, *one.effects) if name != one.about)
-        made.add_row(
-            f"{one.about} ({names})" if names else one.about,
-            Text(one.answer, style=_STYLES[one.answer]),
-            one.reason,
-            one.remedy,
-        )
+        about = f"{one.about} ({names})" if names else one.about
+        made.add_row(about, Text(one.answer, style=_STYLES[one.answer]), one.reason, one.remedy)
     return made

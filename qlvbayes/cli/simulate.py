@@ -60,8 +60,8 @@ def simulate(
     check_known("noise", noise, NOISES)
     check_known("protocol", protocol, PROTOCOLS)
     constants, groups = specimens_of(split_names(pads), np.random.default_rng([seed, _SPECIMENS]))
-    weights = _positive_values(loads, "loads", "0.5,1") if loads else ()
-    speeds = () if rates == "none" else _positive_values(rates, "rates", "0.1,1,20")
+    weights = _above_zero(loads, "loads", "0.5,1") if loads else ()
+    speeds = () if rates == "none" else _above_zero(rates, "rates", "0.1,1,20")
     if not (speeds or weights):
         raise InputError("no test to simulate", remedy="give --rates or --loads")
     top_speed, rng = max(speeds, default=1.0), np.random.default_rng([seed, _DRAWN])
@@ -79,7 +79,7 @@ def simulate(
     out.print(f"wrote {output}")
 
 
-def _positive_values(text: str, what: str, example: str) -> tuple[float, ...]:
+def _above_zero(text: str, what: str, example: str) -> tuple[float, ...]:
     try:
         values = tuple(float(x) for x in split_names(text))
     except ValueError:

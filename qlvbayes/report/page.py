@@ -52,8 +52,10 @@ def page(results: Results) -> str:
         (one, embed(one.folder, "contrasts", " over ".join(one.comparison.names)))
         for one in results.comparisons
     ]
+    names = [pad.name for pad in results.pads]
+    alone = wording.capitalized(results.pads[0].title)
     return _template().render(
-        title=_title(results),
+        title=alone if len(names) == 1 else f"Pads {joined(names)}",
         source=source_name(results),
         pads=results.pads,
         pictures={
@@ -78,13 +80,6 @@ def _relaxation(pad: PadResults) -> tuple[str, ...]:
     return () if fitted is None else tuple(fitted.text().splitlines())
 
 
-def _title(results: Results) -> str:
-    names = [pad.name for pad in results.pads]
-    if len(names) == 1:
-        return wording.capitalized(results.pads[0].title)
-    return f"Pads {joined(names)}"
-
-
 def _remedies(results: Results) -> dict[str, str]:
     """Return the command of each step that may have been left out."""
     out, file = results.typed, source_name(results) or "FILE"
@@ -100,12 +95,9 @@ def _remedies(results: Results) -> dict[str, str]:
 @cache
 def _template(name: str = "report"):  # type: ignore[no-untyped-def]
     environment = Environment(
-        loader=PackageLoader("qlvbayes.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+        loader=PackageLoader("qlvbayes.report"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
     environment.globals |= {
         "asset": _asset, "phase_names": NAMES, "repeated": repeated, "stage_name": stage_name,
         "parts_of": parts, "box_of": verdict_box, "chart_of": chart_of,
@@ -163,18 +155,13 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
         if outcome.fault is not None:
             raise FailedError([outcome.fault], 1)
     rows = [_overview_row(pad_in(one)) for one in folders]
+    constants = Counter(name for row in rows for name in row["constants"])
     text = _template("overview").render(
-        title=f"{len(folders)} pads",
-        rows=rows,
+        title=f"{len(folders)} pads", rows=rows,
         verdicts=Counter(row["verdict"] for row in rows).most_common(),
-        constants=[
-            name
-            for name, _ in Counter(n for row in rows for n in row["constants"]).most_common(
-                _CONSTANTS
-            )
-        ],
+        constants=[name for name, _ in constants.most_common(_CONSTANTS)],
         commands=[run.command for run in runs_in(folder).values()],
-    )
+    )  # fmt: skip
     write_whole(path, text.encode())
     return path
 
@@ -199,11 +186,7 @@ def _overview_row(pad: PadResults) -> dict[str, Any]:
     ``constants`` are medians by name, as they are shown and as values to sort by.
     """
     check, d = pad.final.check, pad.diagnosis
-    worst = (
-        max((over_floor(cell, check.noise) for cell in check.cells), default=None)
-        if check
-        else None
-    )
+    over = [over_floor(cell, check.noise) for cell in check.cells] if check else []
     return {
         "pad": pad.name,
         "folder": pad.folder.name,
@@ -211,7 +194,7 @@ def _overview_row(pad: PadResults) -> dict[str, Any]:
         "verdict": BADGES[d.verdict] if d else "not diagnosed",
         "named": ", ".join(shown_effects(d)) if d else "",
         "fails": len(check.failing) if check else None,  # phases with structure beyond noise
-        "worst": "" if worst is None else wording.number(worst, 2),
+        "worst": wording.number(max(over), 2) if over else "",
         "constants": {
             f"{name} ({c.unit})" if c.unit != "1" else name: (to_sd(c.median, c.sd), c.median)
             for name, c in pad.parameters.items()

@@ -50,24 +50,18 @@ def constants_in_units(pads: Sequence[PadResults]) -> list[tuple[str, str]]:
 
     Pads may be in other units, and a constant of the same name has another unit in another law.
     """
-    return [
-        (name, unit)
-        for name in constant_names(pads)
-        for unit in dict.fromkeys(
-            pad.parameters[name].unit for pad in pads if name in pad.parameters
-        )
-    ]
+    every = [(name, c.unit) for pad in pads for name, c in pad.parameters.items()]
+    names = constant_names(pads)
+    return sorted(dict.fromkeys(every), key=lambda one: names.index(one[0]))
 
 
 def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     """Return what each constant of the pads means."""
-    known = {
-        kind.prefix + name: text for kind in NOISES.values() for name, text in kind.meanings.items()
-    }
-    for pad in pads:
-        known |= _of_laws(pad)
+    kinds = NOISES.values()
+    known = {kind.prefix + name: text for kind in kinds for name, text in kind.meanings.items()}
     acting: dict[str, list[str]] = {}
     for pad in pads:
+        known |= _of_laws(pad)
         own = joined(sorted(filter(_reshapes, pad.final.effects)))
         acting.setdefault(own, []).append(pad.title)
     acts = [
@@ -84,11 +78,8 @@ def constants_words(pad: PadResults) -> str | None:
     summary = pad.final.summary
     if summary is None:
         return None
-    constants = [
-        _in_words("m", summary.parameters),
-        _lasting(summary),
-        _in_words("v[1]", summary.parameters),
-    ]
+    m, v = (_in_words(name, summary.parameters) for name in ("m", "v[1]"))
+    constants = [m, _lasting(summary), v]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
     return f"{'; '.join(text for text in constants if text)}{added}.{_doubt(pad)}"
 
