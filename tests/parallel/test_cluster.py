@@ -110,16 +110,12 @@ def test_a_fit_is_that_of_one_process(dask, tmp_path):
         assert (status, err) == (0, "")
         assert f"results in {out}" in output
     one, two = (
-        {
-            path.relative_to(tmp_path / place).as_posix(): content(path)
-            for path in sorted((tmp_path / place).rglob("*"))
-            if path.is_file() and path.name != "run.json"
-        }
-        for place in ("one", "two")
-    )
+        {path.relative_to(out).as_posix(): content(path)
+         for path in out.rglob("*") if path.is_file() and path.name != "run.json"}
+        for out in (tmp_path / "one", tmp_path / "two")
+    )  # fmt: skip
     assert len([name for name in one if name.endswith("posterior.nc")]) == 2
-    assert {name for name in one if one[name] != two.get(name)} == set()
-    assert set(one) == set(two)
+    assert {name for name in one.keys() | two.keys() if one.get(name) != two.get(name)} == set()
 
 
 def run_slowly(seconds, out, **options):
@@ -134,13 +130,9 @@ def test_a_lost_scheduler_is_one_line_and_what_is_done_stays(tmp_path):
     try:
         with opened_engine(cluster=own.address) as engine, pytest.raises(EngineLostError) as failed:
             run_slowly(600.0, out, engine=engine, watcher=listener)
-        assert str(failed.value) == (
-            f"the Dask scheduler at {own.address} is lost; start it and give the same command "
-            "again: what is finished is kept"
-        )
-        assert listener.notices == [
-            f"pad {x}" for x in ("A: done", "A: there", "B: done", "B: there")
-        ]
+        assert str(failed.value).startswith(f"the Dask scheduler at {own.address} is lost; start")
+        told = ("A: done", "A: there", "B: done", "B: there")
+        assert listener.notices == [f"pad {x}" for x in told]
         assert not [path for path in out.iterdir() if path.name.startswith(".shared")]
         # a worker at work keeps its pad's folder locked until it has ended
         own.workers.terminate()

@@ -99,15 +99,13 @@ def test_two_runs_into_one_folder_do_not_mix(tmp_path):
 
 
 def test_workers_without_the_disk_send_back_what_they_leave(tmp_path, monkeypatch):
-    (tmp_path / "here" / "A").mkdir(parents=True)
-    (tmp_path / "here" / "A" / "before.txt").write_text("read")
+    for place in ("here", "there"):
+        (tmp_path / place / "A").mkdir(parents=True)
+        (tmp_path / place / "A" / "before.txt").write_text("read")
     run(tmp_path / "here", "AB")
-    (tmp_path / "there" / "A").mkdir(parents=True)
-    (tmp_path / "there" / "A" / "before.txt").write_text("read")
-    exists = type(tmp_path).exists
-    monkeypatch.setattr(
-        type(tmp_path), "exists", lambda path: not path.name.startswith(".shared") and exists(path)
-    )
+    kind, exists = type(tmp_path), type(tmp_path).exists
+    hidden = lambda path: not path.name.startswith(".shared") and exists(path)  # noqa: E731
+    monkeypatch.setattr(kind, "exists", hidden)
     with ThreadPoolExecutor(2) as executor:
         found, notices = run(tmp_path / "there", "AB", engine=engine_of(executor))
     assert found.pads == ("A", "B")
@@ -212,7 +210,5 @@ def test_a_report_of_many_pads_is_a_table_and_a_page_each(alone, tmp_path):
     again = [page.stat().st_mtime_ns for page in pages]
     assert [k for k, (a, b) in enumerate(zip(made, again, strict=True)) if a != b] == [3]
     draw_constants(tmp_path, None)
-    assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
-        "constants.csv",
-        "report.html",
-    }
+    left = {path.name for path in tmp_path.iterdir() if path.is_file()}
+    assert left == {"constants.csv", "report.html"}

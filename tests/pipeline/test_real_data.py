@@ -75,8 +75,7 @@ def test_every_pad_has_phases_and_a_noise_floor(data, pads):
     assert len(found) == pads
     for pad in found:
         experiment = ready(data, pad.name)
-        peak = max(np.max(np.abs(t.test.force)) for t in experiment.trials)
-        assert 0.0 < experiment.floor.total < 0.05 * peak
+        assert 0.0 < experiment.floor.total < 0.05 * experiment.peak
         assert len(experiment.with_role("fit")) >= 1
         for trial in experiment.trials:
             assert {"ramp", "hold"} <= {phase.kind for phase in trial.phases}
