@@ -87,8 +87,8 @@ class Actions:
 
     def begin(self, session: Session, uploads: list[Path]) -> None:
         """Read files into a session."""
-        session.uploads, session.stage = [str(one) for one in uploads], "reading"
-        self._later(session, self._read(session, {}))
+        session.uploads = [str(one) for one in uploads]
+        self._later(session, self._read(session))
 
     def resume(self, session: Session) -> None:
         """Open a session that is stored in its folder."""
@@ -110,9 +110,9 @@ class Actions:
         self._later(session, self._take(session, result))
         return {"ok": True}
 
-    async def _read(self, session: Session, answers: dict[str, str]) -> None:
+    async def _read(self, session: Session) -> None:
         self._stage(session, "reading")
-        await self._take(session, await self._reading(session, answers))
+        await self._take(session, await self._reading(session, {}))
 
     async def _reading(self, session: Session, answers: dict[str, str]) -> Any:
         folder, uploads = str(session.folder), session.uploads

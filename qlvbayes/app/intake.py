@@ -53,7 +53,11 @@ def read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> A
         if len(uploads) > 1:
             what = f"of {len(uploads)} files in tidy form each is a study of its own"
             raise InputError(what, remedy="open one, or write their rows into one file")
-        return _kept(folder, uploads[0])
+        read_measurements(file := uploads[0])  # it is copied as it is, once it can be read
+        target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
+        if not (target.is_file() and target.samefile(file)):
+            shutil.copyfile(file, target)
+        return {"data": str(target)}
     except InputError as error:
         raise _by_name(error, uploads) from error
 
@@ -64,15 +68,6 @@ def _is_tidy(file: Path) -> bool:
     except InputError:
         return False
     return True
-
-
-def _kept(folder: Path, file: Path) -> Answer:
-    """Copy a tidy file as it is, once it has been read without an error."""
-    read_measurements(file)
-    target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
-    if not (target.is_file() and target.samefile(file)):
-        shutil.copyfile(file, target)
-    return {"data": str(target)}
 
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:

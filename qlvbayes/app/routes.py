@@ -6,7 +6,6 @@ import inspect
 import json
 import re
 from collections.abc import Awaitable, Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -16,6 +15,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from qlvbayes import __version__
 from qlvbayes.app.actions import BUNDLED, Actions
 from qlvbayes.app.failures import refused
 from qlvbayes.app.security import UPLOAD_LIMIT
@@ -113,7 +113,7 @@ class Routes:
         """Return what the first page shows."""
         known = {name: text for name, text in BUNDLED.items() if bundled(f"{name}.csv").is_file()}
         return _LIMIT | {
-            "version": _version(),
+            "version": __version__,
             "bundled": [{"name": name, "text": text} for name, text in known.items()],
             "sessions": self.actions.sessions.known(),
         }
@@ -213,10 +213,3 @@ def safe_name(name: str) -> str:
     """Return a name that is one file's, wherever it came from."""
     plain = re.sub(r"[^\w. ()+-]", "_", PurePosixPath(name.replace("\\", "/")).name)
     return plain.strip(" .")[-_LONGEST:] or "upload.csv"
-
-
-def _version() -> str:
-    try:
-        return version("qlvbayes")
-    except PackageNotFoundError:
-        return ""

@@ -54,15 +54,17 @@ def design(
 
     watcher = Terminal(quiet=as_json)
     results, figures = [], []
-    for name in _pads(folder, pads):
+    known = sorted({path.parent.name for name in _FILES for path in folder.glob(f"*/{name}")})
+    if not known:
+        raise InputError("no results in this folder", file=folder, remedy="run qlvbayes study")
+    for name in known_names(pads, known, folder, "results") or known:
         result, figure = design_into(
             folder, name, split_names(wanted), minutes=minutes, tests=tests, data=data,
             seed=seed, watcher=watcher, **_limits(limits),
         )  # fmt: skip
         figures.append(figure)
         results.append(result)
-        for notice in result.notices:
-            watcher.notice(f"pad {name}: {notice}")
+        watcher.notice(*(f"pad {name}: {notice}" for notice in result.notices))
     if as_json:
         print(json.dumps([one.as_dict() for one in results], allow_nan=False))
         return
@@ -81,17 +83,6 @@ def _limits(text: str) -> dict[str, float]:
         check_known("limit", name, _LIMITS)
         (found[name],) = positive_values(f"--limits {name}", value or "0", "2")
     return found
-
-
-def _pads(folder: Path, names: str) -> list[str]:
-    """Return the pads asked for, or all that have a fit or a diagnosis.
-
-    Raise InputError where there is none.
-    """
-    known = sorted({path.parent.name for name in _FILES for path in folder.glob(f"*/{name}")})
-    if not known:
-        raise InputError("no results in this folder", file=folder, remedy="run qlvbayes study")
-    return known_names(names, known, folder, "results") or known
 
 
 def _tests(plan: NextTests) -> Table:

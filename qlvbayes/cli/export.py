@@ -45,7 +45,11 @@ def export(
     if not names:
         raise InputError("no target", remedy=f"give --to {_NAMES}")
     kinds = {name: find(name) for name in names}
-    pad = pads or _only_pad(folder)
+    fitted = sorted(path.parent.name for path in folder.glob("*/posterior.nc"))
+    if not pads and len(fitted) > 1:
+        what = f"several pads are in this folder: {', '.join(fitted)}"
+        raise InputError(what, file=folder, remedy=f"name one, as --pad {fitted[0]}")
+    pad = pads or "".join(fitted)
     with waiting(f"export to {', '.join(kinds)}"):
         files = write_for(folder, pad, *kinds, draws=draws, height=height, area=area, data=data)
     written = {name: [str(path) for path in files if path.parent.name == name] for name in kinds}
@@ -56,12 +60,3 @@ def export(
         out.print(f"{name}: {kinds[name].what}", soft_wrap=True)
         for path in paths:
             out.print(f"  {path}", soft_wrap=True)
-
-
-def _only_pad(folder: Path) -> str:
-    """Return the only pad's name or an empty text; raise InputError where there are several."""
-    pads = sorted(path.parent.name for path in folder.glob("*/posterior.nc"))
-    if len(pads) > 1:
-        what = f"several pads are in this folder: {', '.join(pads)}"
-        raise InputError(what, file=folder, remedy=f"name one, as --pad {pads[0]}")
-    return "".join(pads)

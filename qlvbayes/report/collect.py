@@ -13,7 +13,7 @@ import numpy as np
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import diagnose_chain
-from qlvbayes.fitting.residuals import CheckResult, Curves
+from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import Run, RunLog, load
 from qlvbayes.fitting.summary import Constant, FitSummary, constant_of, lasting_of, pulled
 from qlvbayes.io.checks import InputError
@@ -29,17 +29,12 @@ MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
 @dataclass(frozen=True)
 class FitResults:
-    """Results of one fit: constants, check, curves, and how it was made; None where not done."""
+    """Results of one fit: constants, check, and how it was made; None where not done."""
 
     folder: Path
     summary: FitSummary | None
     check: CheckResult | None
     facts: dict  # the attributes of ``posterior.nc``
-
-    @property
-    def curves(self) -> Curves | None:
-        """Curves of the tests, which only a pad's own page reads."""
-        return read_if_there(Curves, self.folder / "curves.json")
 
     @property
     def effects(self) -> list[str]:

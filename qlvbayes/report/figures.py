@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.fitting.residuals import TestCurves
+from qlvbayes.fitting.residuals import Curves, TestCurves
 from qlvbayes.plots.catalogue import FIGURES
-from qlvbayes.report.collect import PadResults
+from qlvbayes.report.collect import PadResults, read_if_there
 
 _DPI, _CSS_DPI = 200, 96
 _MM = 25.4 / _CSS_DPI  # mm, a pixel of the page
@@ -86,11 +86,13 @@ _BAND = 1.645  # sds on either side that hold 90 % of normal noise
 
 def chart_of(pad: PadResults) -> dict | None:
     """Return the curves that the script draws for one pad; None where there are none."""
-    curves = pad.final.curves
+    curves = read_if_there(Curves, pad.folder / "curves.json")
     if curves is None or not curves.tests:
         return None
     check, plain = pad.final.check, pad.baseline
-    other = plain.curves if plain and plain.effects != pad.final.effects else None
+    other = None
+    if plain and plain.effects != pad.final.effects:
+        other = read_if_there(Curves, plain.folder / "curves.json")
     before = {test.test: test for test in other.tests} if other else {}
     # the slowest first, as in the figures; tests without a rate are last
     tests = sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)

@@ -149,7 +149,7 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     if len(folders := pad_folders(folder)) <= MOST_ON_A_PAGE:
         write_whole(path, page(collect(folder)).encode())
         return path
-    old = [one for one in folders if _is_older(one / REPORT, one)]
+    old = [one for one in folders if _is_older(one)]
     shared = engine if engine is not None and engine.shares_disk else None
     for outcome in run_all(partial(_write_own, folder), old, shared):
         if outcome.fault is not None:
@@ -172,32 +172,24 @@ def _write_own(out: Path, folder: Path) -> None:
     write_whole(folder / REPORT, page(results).encode())
 
 
-def _is_older(page: Path, folder: Path) -> bool:
+def _is_older(folder: Path) -> bool:
     """Return whether a pad's page is missing, or older than its results."""
-    if not page.exists():
-        return True
-    made = page.stat().st_mtime_ns
+    made = (page := folder / REPORT).exists() and page.stat().st_mtime_ns
     return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
 
 
 def _overview_row(pad: PadResults) -> dict[str, Any]:
-    """Return what the table of many pads says of one.
-
-    ``constants`` are medians by name, as they are shown and as values to sort by.
-    """
     check, d = pad.final.check, pad.diagnosis
     over = [over_floor(cell, check.noise) for cell in check.cells] if check else []
+    constants = {  # medians, as they are shown and as values to sort by
+        f"{name} ({c.unit})" if c.unit != "1" else name: (to_sd(c.median, c.sd), c.median)
+        for name, c in pad.parameters.items()
+        if not name.startswith("noise.")
+    }
     return {
-        "pad": pad.name,
-        "folder": pad.folder.name,
-        "fluid": pad.fluid or "",
+        "pad": pad.name, "folder": pad.folder.name, "fluid": pad.fluid or "",
         "verdict": BADGES[d.verdict] if d else "not diagnosed",
         "named": ", ".join(shown_effects(d)) if d else "",
         "fails": len(check.failing) if check else None,  # phases with structure beyond noise
-        "worst": wording.number(max(over), 2) if over else "",
-        "constants": {
-            f"{name} ({c.unit})" if c.unit != "1" else name: (to_sd(c.median, c.sd), c.median)
-            for name, c in pad.parameters.items()
-            if not name.startswith("noise.")
-        },
-    }
+        "worst": wording.number(max(over), 2) if over else "", "constants": constants,
+    }  # fmt: skip

@@ -85,11 +85,8 @@ def constants_words(pad: PadResults) -> str | None:
 
 
 def _doubt(pad: PadResults) -> str:
-    """Return a sentence on constants of a model that fails: wrong ones, unless it fails by chance.
-
-    The diagnosis looks at all tests together: where it finds no structure, a phase that is off by
-    more than its own noise shifts no constant beyond its error.
-    """
+    # the diagnosis looks at all tests together: where it finds no structure, a phase that is off by
+    # more than its own noise shifts no constant beyond its error
     check, found = pad.final.check, pad.diagnosis
     if check is None or not check.failing:
         return ""
@@ -131,11 +128,8 @@ def shifts_of(pad: PadResults) -> dict[str, Any] | None:
 
 
 def _alike(summary: FitSummary | None, reshaped: bool) -> dict[str, Constant]:
-    """Return a fit's constants without those of the noise.
-
-    Where the relaxation was ``reshaped``, the share of the whole model that never relaxes is among
-    them instead of the law's own shares, which mean something else in the other model.
-    """
+    # where the relaxation was reshaped, the share of the whole model that never relaxes is among
+    # them instead of the law's own shares, which mean something else in the other model
     if summary is None:
         return {}
     own = {n: c for n, c in summary.parameters.items() if not n.startswith("noise.")}

@@ -8,7 +8,7 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.phases import KINDS, NAMES, phase_name, span
-from qlvbayes.report.firstlook.result import BY_PHASE, PadSeen, PhaseSeen, TestSeen
+from qlvbayes.report.firstlook.result import BY_PHASE, PadSeen, PhaseSeen
 
 _EACH = 6  # phases that are listed one by one
 _SLOWER = 0.1  # of its declared speed, by which a test may miss it
@@ -139,20 +139,16 @@ def _control(pad: PadSeen, units: UnitSystem) -> list[str]:
     if not force and not by_phase:
         return []
     where = [_tests(force)] if force else []
-    where += [f"{_spans(test)} of test {test.test}" for test in by_phase[:_NAMED]]
+    for test in by_phase[:_NAMED]:  # as 'hold (1.8 to 3.8 s) of test a'
+        loaded = [phase for phase in test.phases if phase.control == Control.FORCE]
+        spans = [f"{NAMES[p.phase]} ({plain(p.start)} to {plain(p.stop)} s)" for p in loaded]
+        where.append(f"{joined(_some(spans, ' phases'))} of test {test.test}")
     if len(by_phase) > _NAMED:
         where.append(f"phases of {len(by_phase) - _NAMED} more tests (in look.json)")
     rest = len(pad.tests) - len(force)
     elsewhere = "elsewhere" if by_phase else "in the others"
     others = f"; the {units.displacement_name} {elsewhere}" if rest else ""
     return [f"control: the {units.force_name} is prescribed in {joined(where)}{others}"]
-
-
-def _spans(test: TestSeen) -> str:
-    """Return the phases of prescribed force, as 'hold (1.8 to 3.8 s)'."""
-    loaded = [phase for phase in test.phases if phase.control == Control.FORCE]
-    named = [f"{NAMES[p.phase]} ({plain(p.start)} to {plain(p.stop)} s)" for p in loaded]
-    return joined(_some(named, " phases"))
 
 
 def _tests(names: Sequence[str]) -> str:
