@@ -110,15 +110,11 @@ def _session(file: Path | None, name: str, noise: str, *, bonded: bool) -> RigSe
 def effects_table(found: list[EffectRow], size: float) -> Table:
     """Return one row an effect, with the bounds of the share in which the verdict is right."""
     title = f"pads that hide one effect of {100 * size:g} % of the peak force, or nothing"
-    made = table(
-        title, "hidden", ">size", ">pads", ">named", ">95 % bounds", ">in a group",
-        ">another named", ">none named", ">failed",
-    )  # fmt: skip
+    counted = (">in a group", ">another named", ">none named", ">failed")
+    made = table(title, "hidden", ">size", ">pads", ">named", ">95 % bounds", *counted)
     for row in found:
         low, high = (f"{100 * x:.0f}" for x in row.bounds)
         counts = (str(x) if x else "" for x in (row.grouped, row.wrong, row.silent, row.failed))
-        made.add_row(
-            row.effect, f"{100 * row.share:.1f} %", str(row.pads), str(row.named),
-            f"{low} to {high} %", *counts,
-        )  # fmt: skip
+        share, named = f"{100 * row.share:.1f} %", (str(row.pads), str(row.named))
+        made.add_row(row.effect, share, *named, f"{low} to {high} %", *counts)
     return made

@@ -207,13 +207,10 @@ class InputOptions:
 
         settings = self.chosen
         return Source.from_files(
-            self.paths,
-            only=lambda known: among(self.pad_words, known),
-            shard=part,
+            self.paths, only=lambda known: among(self.pad_words, known), shard=part,
             convert=lambda files, pads: converted(files, settings, pads),
-            stated=settings.states_reading,
-            pad_names=settings["pad-from"] is None,
-        )
+            stated=settings.states_reading, pad_names=settings["pad-from"] is None,
+        )  # fmt: skip
 
 
 def known_names(names: str, known: Collection[str], folder: Path, what: str = "fit") -> list[str]:
@@ -266,9 +263,8 @@ def converted(
     while True:
         try:
             with waiting("reading"):
-                found = convert(
-                    files, settings.answers(pads), settings.formats, without_faulty=True
-                )
+                answers = settings.answers(pads)
+                found = convert(files, answers, settings.formats, without_faulty=True)
             unsure = next((one for one in found.faults if isinstance(one, UnsureError)), None)
             if unsure is None or not asks:
                 return found

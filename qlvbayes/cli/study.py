@@ -6,6 +6,7 @@ What the help does not need is imported in the functions.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,10 +95,7 @@ def fit(
     sampler, method = chosen.sampler(chosen.seed(seed)), chosen["method"] or METHODS[0]
     check_known("method", method, METHODS)
     used = {"method": method, "all_tests": all_tests, "sampler": sampler}
-
-    def step(choices: Choices) -> Step:
-        return FitStep(choices, method, all_tests, sampler)
-
+    step = partial(FitStep, method=method, all_tests=all_tests, settings=sampler)
     _run_step(step, inputs, output, work, seed=sampler.seed, used=used, as_json=as_json)
 
 
@@ -120,12 +118,8 @@ def diagnose(
     from qlvbayes.pipeline.steps import DiagnoseStep
 
     chosen = inputs.chosen
-    number, thresholds = chosen.seed(seed), chosen.thresholds()
-
-    def step(choices: Choices) -> Step:
-        return DiagnoseStep(choices, number, thresholds)
-
-    used = {"thresholds": thresholds}
+    number, used = chosen.seed(seed), {"thresholds": chosen.thresholds()}
+    step = partial(DiagnoseStep, seed=number, **used)
     _run_step(step, inputs, output, work, seed=number, used=used, as_json=as_json)
 
 

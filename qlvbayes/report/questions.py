@@ -11,16 +11,9 @@ from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.effects.catalogue import find
 from qlvbayes.effects.effect import Level
 from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.io import wording
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import (
-    NBSP,
-    capitalized,
-    ends,
-    joined,
-    number,
-    percent_unbroken,
-    with_unit,
-)
+from qlvbayes.io.wording import NBSP, joined, number, percent_unbroken, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
@@ -146,7 +139,7 @@ def _in_words(name: str, parameters: dict[str, Constant]) -> str:
     if name == "v[1]" and c.median > 0.0:
         time = f"{number(1.0 / c.median, 2)}{NBSP}s"
         return f"the quickest relaxation has a time constant of {time} (1/v[1])"
-    median, low, high = ends(c.median, *c.hdi90)
+    median, low, high = wording.ends(c.median, *c.hdi90)
     return f"{name} = {with_unit(median, c.unit)} (with 90 % probability {low} to {high})"
 
 
@@ -207,11 +200,8 @@ def in_a_line(comparison: Comparison) -> str:
     pair, by_answer = " and ".join(comparison.names), dict[str, list[str]]()
     for one in comparison.of_group("constants") or comparison.contrasts:
         by_answer.setdefault(KINDS.get(one.answer, "open"), []).append(one.quantity)
-    words = {
-        "differs": "different in",
-        "equal": f"equal within {percent_unbroken(comparison.region)} in",
-        "open": "undecided in",
-    }
+    within = f"equal within {percent_unbroken(comparison.region)} in"
+    words = {"differs": "different in", "equal": within, "open": "undecided in"}
     where = "; ".join(f"{words[k]} {joined(by_answer[k])}" for k in words if k in by_answer)
     if comparison.omnibus is None and comparison.differ is None:
         return f"{pair} share no constant that a joint test could compare; one by one: {where}."
@@ -238,4 +228,4 @@ def diagnosis_words(pad: PadResults) -> list[str]:
     own = [text.replace("+-", "±") for text in pad.words]
     for head in heads:
         own = [text.removeprefix(head) for text in own]
-    return [capitalized(text) for text in own]
+    return [wording.capitalized(text) for text in own]

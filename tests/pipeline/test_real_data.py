@@ -28,10 +28,9 @@ def noted(err):
 
 def fit_and_check(folder, data, pad, *words):
     """Summary and check of one pad, in this process."""
-    status, _, err = call("fit", data, "-o", folder, "--pads", pad, *words)
-    assert status == 0, err
-    status, _, err = call("check", folder)
-    assert (status, noted(err)) == (0, True), err
+    for step in (("fit", data, "-o", folder, "--pads", pad, *words), ("check", folder)):
+        status, _, err = call(*step)
+        assert (status, noted(err)) == (0, True), err
     summary, checked = (read_json(folder / pad / f"{name}.json") for name in ("summary", "check"))
     keeps_summary_contract(summary)
     keeps_check_contract(checked)

@@ -55,8 +55,7 @@ def viewer(visit):
 def test_it_opens_offline_without_a_word_on_the_console(browser, report):
     opened = Visit(browser, report, offline=True)
     opened.page.wait_for_selector(".live canvas")
-    assert opened.said == []
-    assert opened.asked == []
+    assert opened.said == opened.asked == []
     opened.context.close()
 
 

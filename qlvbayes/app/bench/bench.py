@@ -18,7 +18,6 @@ from qlvbayes.app.bench.model import (
     theta_of,
     values_of,
 )
-from qlvbayes.app.bench.signature import added_effect
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
@@ -26,10 +25,10 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.optimum import best_model
 from qlvbayes.fitting.residuals import FALSE_ALARMS, error_limit
 from qlvbayes.inference.density import Density, Point
-from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
+from qlvbayes.inference.forward.hypothesis import Amplitude, Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.starts import amplitude_of, projected, transferred
+from qlvbayes.inference.starts import amplitude_of, projected, shapes, transferred
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
@@ -39,6 +38,8 @@ from qlvbayes.motion.phases import KINDS
 _STARTS = 3  # number of the best draws of the priors from which the first fit begins
 _DRAWN = 200  # draws that make a band
 _BAND = (0.05, 0.95)  # quantiles of a band's ends
+_ROUNDS = 3  # times that the size of an added effect is inserted into its force
+_LEAST = 1e-6  # smallest size over the prior's sd, which stands for zero
 _ALONG = 1e-3  # share of a shift of the constants over which its slope is taken
 
 
@@ -281,6 +282,81 @@ class Bench:
             raise NoFiniteForceError
         best = min(modes, key=lambda mode: mode.loss).point
         return replace(model, values=values_of(best.own, best.constants))
+
+
+@dataclass(frozen=True, eq=False)
+class AddedEffect:
+    """Model at theta (F,) with one more effect, at the effect's most probable size and shape.
+
+    ``own`` are the parameters of the model with the effect, and ``amplitude`` is the effect's among
+    them. ``before`` and ``after`` (G,) have the amplitude at zero and at its size, with the
+    constants unchanged; ``moved`` (G,) includes the constants' shift. ``cost`` is the remaining sum
+    of squares.
+    """
+
+    own: Parameters
+    amplitude: Amplitude
+    before: Array
+    after: Array
+    moved: Array
+    cost: float
+
+
+def added_effect(
+    density: Density, point: Point, hypothesis: Hypothesis, effect: str
+) -> AddedEffect | None:
+    """Return an additional effect at a point, in the shape that takes most of the residual.
+
+    With J the slopes of the model's own constants and g the force of the effect of unit size, both
+    over the noise, shift d and size a minimise
+
+    .. math:: |r - J^T d - a g|^2 - d^T P d,
+
+    P the curvature of the constants' priors. The size is inserted into g a few times, as few
+    effects are linear in it.
+    """
+    space = density.space
+    own = space.parameters(hypothesis)
+    amplitude = amplitude_of(own, effect)
+    if amplitude is None:
+        return None
+    starts = shapes(space, point, own, effect)
+    candidates = [_scaled(density, point, own, amplitude, start) for start in starts]
+    found = [candidate for candidate in candidates if candidate is not None]
+    return min(found, key=lambda x: x.cost, default=None)
+
+
+def _scaled(
+    density: Density, point: Point, own: Parameters, amplitude: Amplitude, start: Array
+) -> AddedEffect | None:
+    index, residual, slopes = amplitude.number, point.residual, point.jacobian
+    prior = point.prior.curvature
+    size, shift, cost = amplitude.sd, np.zeros(point.own.size), np.inf
+    for _ in range(_ROUNDS):
+        added = density.space.added_force(own.hypothesis, start, index, size)
+        force = density.whitener(added[None])[0]
+        square = float(force @ force)
+        if not (np.isfinite(square) and square > 0.0):
+            return None
+        rows = np.concatenate([slopes, force[None]])
+        matrix = rows @ rows.T
+        matrix[:-1, :-1] += prior
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        matrix, right = matrix * np.outer(scale, scale), scale * (rows @ residual)
+        solution = scale * np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+        low, high = own.lowest[index] - start[index], own.highest[index] - start[index]
+        smallest = _LEAST * amplitude.sd
+        scaled = float(np.clip(solution[-1] * size, low, high))
+        if abs(scaled) < smallest:  # the residual has nothing of it
+            scaled, solution = smallest if high > 0.0 else -smallest, 0.0 * solution
+        shift = solution[:-1]
+        cost = float(np.sum((residual - shift @ slopes - force * (scaled / size)) ** 2))
+        size = scaled
+    after = start.copy()
+    after[index] += size
+    moved = after.copy()
+    moved[own.positions_of(point.own)] += shift
+    return AddedEffect(own, amplitude, start, own.within(after), own.within(moved), cost)
 
 
 def _cell_limits(samples: Samples) -> dict[tuple[str, str], float]:
