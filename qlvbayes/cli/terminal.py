@@ -11,16 +11,10 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from qlvbayes.cli import tables
 from qlvbayes.cli.console import counting, err, out, waiting
 from qlvbayes.cli.look import show_look
 from qlvbayes.cli.options import InputOptions
-from qlvbayes.cli.tables import (
-    check_table,
-    constants_line,
-    constants_table,
-    ranking_table,
-    steps_table,
-)
 from qlvbayes.diagnosis.phrases import terminal_line
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
@@ -122,15 +116,16 @@ class Terminal(Watcher):
 
     def fitted(self, summary: FitSummary) -> None:
         """Print the constants, and why the chain has not converged."""
-        self._print(constants_line(summary) if self._brief else constants_table(summary))
+        shown = tables.constants_line if self._brief else tables.constants_table
+        self._print(shown(summary))
         for trouble in summary.troubles:
             err.print(f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red")
 
     def checked(self, check: CheckResult) -> None:
         """Print the errors by test and phase."""
-        table = [] if self._brief else [check_table(check, check.units.force, check.units.speed)]
-        words = ErrorTable(check).in_words(check.units.force)
-        self._print(*table, f"{pad_title(check.pad)}: {words}")
+        force, speed = check.units.force, check.units.speed
+        table = [] if self._brief else [tables.check_table(check, force, speed)]
+        self._print(*table, f"{pad_title(check.pad)}: {ErrorTable(check).in_words(force)}")
 
     def diagnosed(
         self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
@@ -140,7 +135,7 @@ class Terminal(Watcher):
             self._print(terminal_line(result))
             return
         unit = result.units.force
-        self._print(steps_table(result, unit), ranking_table(result, unit))
+        self._print(tables.steps_table(result, unit), tables.ranking_table(result, unit))
         self._print(*(x for one in words for x in (one, "")), soft_wrap=not out.is_terminal)
         if not self.quiet:
             show_figures(figures)

@@ -18,16 +18,9 @@ import numpy as np
 
 from qlvbayes.comparison.compare import REGION, compare
 from qlvbayes.comparison.contrast import Comparison, write_comparison
+from qlvbayes.fitting import summary
 from qlvbayes.fitting.residuals import Curves
 from qlvbayes.fitting.results import Saved, load
-from qlvbayes.fitting.summary import (
-    FitSummary,
-    References,
-    constants_table,
-    matching_references,
-    read_references,
-    write_constants,
-)
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.facts import covered
@@ -147,14 +140,14 @@ def draw_constants(out: Path, given: Path | None, data: Path | None = None) -> N
 
     With the references that are given, which must all be usable, or those in the data's folder.
     """
-    summaries = [FitSummary.read(file) for file in sorted(out.glob("*/summary.json"))]
+    summaries = [summary.FitSummary.read(file) for file in sorted(out.glob("*/summary.json"))]
     beside = data / REFERENCES if data is not None and (data / REFERENCES).is_file() else None
     file = given or beside
-    known: References = read_references(file) if file else {}
+    known: summary.References = summary.read_references(file) if file else {}
     if not given:
-        known = matching_references(known, summaries)
-    entries, few = constants_table(summaries, known), len(summaries) <= MOST_ON_A_PAGE
-    write_constants(out, entries, for_print=few)
+        known = summary.matching_references(known, summaries)
+    entries, few = summary.constants_table(summaries, known), len(summaries) <= MOST_ON_A_PAGE
+    summary.write_constants(out, entries, for_print=few)
     if few:
         from qlvbayes.plots.constants import plot_constants
         from qlvbayes.plots.files import save_figure

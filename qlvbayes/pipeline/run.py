@@ -25,14 +25,7 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.parallel.engines import Engine, engine_of
 from qlvbayes.parallel.running import Fault, Shard, fault_of
-from qlvbayes.pipeline.derived import (
-    compare_pairs,
-    draw_constants,
-    draw_forces_at_rates,
-    fitted_pads,
-    not_all_compared,
-    saved_pads,
-)
+from qlvbayes.pipeline import derived
 from qlvbayes.pipeline.many import Tally, map_pads, run_pads
 from qlvbayes.pipeline.source import Source, pad_of, read_again
 from qlvbayes.pipeline.steps import (
@@ -220,12 +213,12 @@ def finish(
 ) -> None:
     """Write what concerns all pads: constants, forces, comparisons and report."""
     with watcher.doing("figures of all pads"):
-        draw_constants(out, references, data)
-        draw_forces_at_rates(out)
+        derived.draw_constants(out, references, data)
+        derived.draw_forces_at_rates(out)
     if len(pads) > MOST_ON_A_PAGE:
-        watcher.notice(not_all_compared(f"{len(pads)} pads"))
+        watcher.notice(derived.not_all_compared(f"{len(pads)} pads"))
     else:
-        compare_pairs(out, saved_pads(out, pads), seed, watcher)
+        derived.compare_pairs(out, derived.saved_pads(out, pads), seed, watcher)
     with watcher.doing("report"):
         write_report(out, engine=engine)
 
@@ -239,7 +232,7 @@ def gather(
 ) -> Tally:
     """Write, of parts that were run apart, what an undivided run writes of all its pads."""
     watcher = watcher or Watcher()
-    pads = fitted_pads(out)
+    pads = derived.fitted_pads(out)
     seed = max((one.seed for one in runs_in(out).values()), default=0)
     data = Path(load(out / pads[0] / "posterior.nc").source).parent
     finish(out, pads, references, data, seed, watcher, engine)

@@ -22,17 +22,7 @@ from qlvbayes.motion.phases import NAMES
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.running import FailedError, run_all
 from qlvbayes.plots.catalogue import FIGURES
-from qlvbayes.report import questions
-from qlvbayes.report.collect import (
-    MARKS,
-    PadResults,
-    Results,
-    collect,
-    pad_folders,
-    pad_in,
-    read_if_there,
-    runs_in,
-)
+from qlvbayes.report import collect, questions
 from qlvbayes.report.errors import repeated
 from qlvbayes.report.figures import Embedder, chart_of
 from qlvbayes.report.methods import exports_of, methods_of, source_name, uses_of
@@ -45,7 +35,7 @@ MOST_ON_A_PAGE = 24
 _CONSTANTS = 12  # columns of constants in that table: those of most pads come first
 
 
-def page(results: Results) -> str:
+def page(results: collect.Results) -> str:
     """Return the whole HTML text; nothing in it refers to anything outside it."""
     remedies, embed = _remedies(results), Embedder(results.out)
     compared = [
@@ -74,13 +64,13 @@ def page(results: Results) -> str:
     )
 
 
-def _relaxation(pad: PadResults) -> tuple[str, ...]:
+def _relaxation(pad: collect.PadResults) -> tuple[str, ...]:
     """Return lines on the tests that were held; none where there are no such tests."""
-    fitted = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
+    fitted = collect.read_if_there(RelaxationReport, pad.folder / "relaxation.json")
     return () if fitted is None else tuple(fitted.text().splitlines())
 
 
-def _remedies(results: Results) -> dict[str, str]:
+def _remedies(results: collect.Results) -> dict[str, str]:
     """Return the command of each step that may have been left out."""
     out, file = results.typed, source_name(results) or "FILE"
     fit, diagnose = (as_typed("qlvbayes", step, file, "-o", out) for step in ("fit", "diagnose"))
@@ -146,21 +136,21 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     """
     folder = Path(out)
     path = folder / REPORT
-    if len(folders := pad_folders(folder)) <= MOST_ON_A_PAGE:
-        write_whole(path, page(collect(folder)).encode())
+    if len(folders := collect.pad_folders(folder)) <= MOST_ON_A_PAGE:
+        write_whole(path, page(collect.collect(folder)).encode())
         return path
     old = [one for one in folders if _is_older(one)]
     shared = engine if engine is not None and engine.shares_disk else None
     for outcome in run_all(partial(_write_own, folder), old, shared):
         if outcome.fault is not None:
             raise FailedError([outcome.fault], 1)
-    rows = [_overview_row(pad_in(one)) for one in folders]
+    rows = [_overview_row(collect.pad_in(one)) for one in folders]
     constants = Counter(name for row in rows for name in row["constants"])
     text = _template("overview").render(
         title=f"{len(folders)} pads", rows=rows,
         verdicts=Counter(row["verdict"] for row in rows).most_common(),
         constants=[name for name, _ in constants.most_common(_CONSTANTS)],
-        commands=[run.command for run in runs_in(folder).values()],
+        commands=[run.command for run in collect.runs_in(folder).values()],
     )  # fmt: skip
     write_whole(path, text.encode())
     return path
@@ -168,17 +158,17 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
 
 def _write_own(out: Path, folder: Path) -> None:
     """Write the page of one pad of many into its own folder."""
-    results = Results(folder, (pad_in(folder),), (), runs_in(out))
+    results = collect.Results(folder, (collect.pad_in(folder),), (), collect.runs_in(out))
     write_whole(folder / REPORT, page(results).encode())
 
 
 def _is_older(folder: Path) -> bool:
     """Return whether a pad's page is missing, or older than its results."""
     made = (page := folder / REPORT).exists() and page.stat().st_mtime_ns
-    return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
+    return any(f.stat().st_mtime_ns > made for m in collect.MARKS if (f := folder / m).exists())
 
 
-def _overview_row(pad: PadResults) -> dict[str, Any]:
+def _overview_row(pad: collect.PadResults) -> dict[str, Any]:
     check, d = pad.final.check, pad.diagnosis
     over = [over_floor(cell, check.noise) for cell in check.cells] if check else []
     constants = {  # medians, as they are shown and as values to sort by
