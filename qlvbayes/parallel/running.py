@@ -17,7 +17,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, TypeVar
 
 import qlvbayes
 from qlvbayes.io.checks import InputError
@@ -26,8 +26,9 @@ from qlvbayes.io.wording import listed, visible
 from qlvbayes.parallel.engines import Engine, KilledError
 
 Item = TypeVar("Item")
-Answer = TypeVar("Answer")
 Found = TypeVar("Found")
+Tried = tuple[Any, "Fault | None"]
+"""The answer of a task, or its fault."""
 
 _WAITING = 1000  # outcomes kept at most while that of an item before them is not there
 _IN_TURN = threading.Lock()  # figures have settings of the whole process: one task at a time
@@ -137,21 +138,21 @@ class Shard:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome(Generic[Item, Answer]):
+class Outcome:
     """Result of one item: the task's answer, or its fault."""
 
-    item: Item
-    answer: Answer | None
+    item: Any
+    answer: Any
     fault: Fault | None = None
 
 
 def run_all(
-    task: Callable[[Item], Answer],
-    items: Iterable[Item | Fault | Outcome[Item, Answer]],
+    task: Callable[[Any], Any],
+    items: Iterable[Any],
     engine: Engine | None = None,
     *,
-    keep: Callable[[Outcome[Item, Answer]], None] = lambda outcome: None,
-) -> Iterator[Outcome[Item, Answer]]:
+    keep: Callable[[Outcome], None] = lambda outcome: None,
+) -> Iterator[Outcome]:
     """Run ``task`` for every item; yield what became of each, in the order of the items.
 
     ``keep`` receives each outcome as soon as it is there. An item that is a fault, or an outcome
@@ -159,26 +160,25 @@ def run_all(
     """
     if engine is None:
         for one in items:
-            outcome = _passed(one) or Outcome(cast(Item, one), *_tried(task, cast(Item, one)))
+            outcome = _passed(one) or Outcome(one, *_tried(task, one))
             keep(outcome)
             yield outcome
         return
     numbered = enumerate(items)
-    working: dict[Future[Any], tuple[int, Item]] = {}
-    done: dict[int, Outcome[Item, Answer]] = {}
+    working: dict[Future[Any], tuple[int, Any]] = {}
+    done: dict[int, Outcome] = {}
     following, more = 0, True
     while more or working:
         while more and len(done) < _WAITING and len(working) < _asked(engine, engine.ahead):
-            entry = next(numbered, None)
-            if entry is None:
+            index, item = next(numbered, (-1, None))
+            if index < 0:
                 more = False
-            elif (passed := _passed(entry[1])) is not None:
+            elif (passed := _passed(item)) is not None:
                 keep(passed)
-                done[entry[0]] = passed
+                done[index] = passed
             else:
-                item = cast(Item, entry[1])
                 call = partial(engine.submit, _tried_elsewhere, package_digest(), task, item)
-                working[_asked(engine, call)] = entry[0], item
+                working[_asked(engine, call)] = index, item
         for future in wait(working, return_when=FIRST_COMPLETED).done if working else ():
             index, item = working.pop(future)
             done[index] = _outcome(engine, item, future)
@@ -203,7 +203,7 @@ def package_digest(folders: tuple[str, ...] = ()) -> str:
     return digest.hexdigest()
 
 
-def _passed(item: Any) -> Outcome[Any, Any] | None:
+def _passed(item: Any) -> Outcome | None:
     """Return the outcome of an item that needs no work: a fault, or a known outcome."""
     if isinstance(item, Outcome):
         return item
@@ -217,7 +217,7 @@ def _asked(engine: Engine, call: Callable[[], Found]) -> Found:
         raise engine.lost from error
 
 
-def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, Any]:
+def _outcome(engine: Engine, item: Any, future: Future[Any]) -> Outcome:
     """Return what a worker sent back; raise EngineLostError where there are none any more."""
     try:
         return Outcome(item, *future.result())
@@ -228,7 +228,7 @@ def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, A
         return Outcome(item, None, fault_of(KilledError() if killed else error))
 
 
-def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, Fault | None]:
+def _tried(task: Callable[[Any], Any], item: Any) -> Tried:
     """Return the task's answer, or its fault; both can be pickled, an exception may not."""
     # numbers must not depend on how many threads there are
     with _IN_TURN, one_blas_thread(), ExitStack() as stack:
@@ -244,9 +244,7 @@ def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, F
             forget_compiled()
 
 
-def _tried_elsewhere(
-    code: str, task: Callable[[Item], Answer], item: Item
-) -> tuple[Answer | None, Fault | None]:
+def _tried_elsewhere(code: str, task: Callable[[Any], Any], item: Any) -> Tried:
     """Run `_tried` if the worker has the same package, so that results are not mixed."""
     if code != package_digest():
         version = f"the worker has another version of qlvbayes ({qlvbayes.__version__})"

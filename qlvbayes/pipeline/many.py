@@ -148,12 +148,11 @@ def run_pads(
         watcher.overall(size, alone=engine is None) as report_count,
     ):
 
-        def keep(outcome: Outcome[Work, Done]) -> None:
+        def keep(outcome: Outcome) -> None:
             """Write the files that a worker sent back, or record the fault."""
             if outcome.fault is None:
-                done = cast(Done, outcome.answer)
-                _write(done.contents, out)
-                done.contents.clear()
+                _write(outcome.answer.contents, out)
+                outcome.answer.contents.clear()
                 outcome.item.inputs.clear()
             elif out.is_dir():
                 fault = _with_pad(outcome)
@@ -162,12 +161,12 @@ def run_pads(
 
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
         for outcome in run_all(task, _ready(work, token), engine, keep=keep):
+            one: Work = outcome.item
             if outcome.fault is not None:
                 faults.append(_with_pad(outcome))
                 continue
-            one = outcome.item
             pads.append(one.pad)
-            for lines in cast(Done, outcome.answer).starting:
+            for lines in outcome.answer.starting:
                 watcher.starting(lines)
             for step in one.steps if engine is not None or not one.todo else ():
                 one.report(step, watcher)
@@ -184,7 +183,7 @@ def map_pads(
     faults = [replace(o.fault, of=f"pad {o.item.name}") for o in outcomes if o.fault is not None]
     if faults:
         raise FailedError(faults, len(faults))
-    return [cast(Answer, outcome.answer) for outcome in outcomes]
+    return [outcome.answer for outcome in outcomes]
 
 
 def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> Answer:
@@ -192,9 +191,7 @@ def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> A
         return task(pad)
 
 
-def _ready(
-    work: Iterable[Work | Fault], token: Path | None
-) -> Iterator[Work | Fault | Outcome[Work, Done]]:
+def _ready(work: Iterable[Work | Fault], token: Path | None) -> Iterator[Work | Fault | Outcome]:
     """Yield the work for the engine, and outcomes for what is finished already."""
     names: set[str] = set()
     for one in work:
@@ -211,7 +208,7 @@ def _ready(
             yield ready if ready.todo else Outcome(ready, Done())
 
 
-def _with_pad(outcome: Outcome[Work, Done]) -> Fault:
+def _with_pad(outcome: Outcome) -> Fault:
     fault, item = cast(Fault, outcome.fault), outcome.item
     return replace(fault, of=f"pad {item.pad}") if isinstance(item, Work) else fault
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from qlvbayes.diagnosis.diagnose import SearchProgress, diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
@@ -204,7 +204,7 @@ class Study(Measurements):
     def _each(self, task: Callable[[Specimen], Answer], client: Any) -> dict[str, Answer]:
         outcomes = list(run_all(task, map(Specimen, self.pads), engine_of(client)))
         named = [(one.item.pad.name, one) for one in outcomes]
-        results = {k: cast(Answer, one.answer) for k, one in named if one.fault is None}
+        results: dict[str, Answer] = {k: one.answer for k, one in named if one.fault is None}
         faults = [replace(one.fault, of=f"pad {k}") for k, one in named if one.fault is not None]
         if faults:
             raise FailedError(faults, len(self), list(results.values()))
