@@ -74,7 +74,8 @@ def look(
         folder = output
         if output is not None and len(studies) > 1:
             folder = output / Path(study.source).stem
-        files, commands = (study.source,), ()
+        files: tuple[str, ...] = (study.source,)
+        commands: tuple[str, ...]
         arguments = [*arguments_of(study.pads, parts, gaps), *_of_specimen(chosen)]
         if source.conversion is None:
             commands = (_study_of(study.source, arguments),)

@@ -83,7 +83,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     single: list[Parameter] = []
     for name, one in signature(command, eval_str=True).parameters.items():
         kind: Any = one.annotation
-        if is_dataclass(kind):
+        if is_dataclass(one.annotation):
             fields = signature(kind, eval_str=True).parameters.values()
             groups[name] = kind, [field.name for field in fields]
             single += [_described(field, _entries(kind), {}) for field in fields]

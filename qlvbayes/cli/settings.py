@@ -282,7 +282,9 @@ class StudySettings:
         from qlvbayes.diagnosis.settings import DiagnosisSettings
 
         given = self["tolerance"]
-        return DiagnosisSettings(**({} if given is None else {"tolerance": share_of(given)}))
+        if given is None:
+            return DiagnosisSettings()
+        return DiagnosisSettings(tolerance=share_of(given))
 
     def write(self, out: Path, files: Sequence[Path], pads: str, seed: int) -> None:
         """Write ``out/study.toml``, from which the same study is run again."""

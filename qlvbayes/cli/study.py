@@ -118,8 +118,9 @@ def diagnose(
     from qlvbayes.pipeline.steps import DiagnoseStep
 
     chosen = inputs.chosen
-    number, used = chosen.seed(seed), {"thresholds": chosen.thresholds()}
-    step = partial(DiagnoseStep, seed=number, **used)
+    number, thresholds = chosen.seed(seed), chosen.thresholds()
+    step = partial(DiagnoseStep, seed=number, thresholds=thresholds)
+    used = {"thresholds": thresholds}
     _run_step(step, inputs, output, work, seed=number, used=used, as_json=as_json)
 
 
