@@ -57,14 +57,15 @@ class Actions:
                 shown["pad"][job.probabilities["pad"]] |= so_far
         return shown | {"jobs": [self.jobs.shown(job) for job in jobs]}
 
-    def open_bundled(self, name: str) -> Session:
+    def open_bundled(self, body: dict[str, Any]) -> dict[str, str]:
         """Open a session with measurements that come with the package."""
+        name = str(body.get("open"))
         file = bundled(f"{name}.csv")
         if name not in BUNDLED or not file.is_file():
             raise refused(404, f"no measurements {name!r} come with it", "open a file of your own")
         session = self.sessions.new(file.name)
         self.begin(session, [file])
-        return session
+        return {"id": session.id}
 
     def open_path(self, path: Path) -> Session:
         """Open a session with a file, or in a folder of results of the commands or the bench."""
@@ -75,12 +76,9 @@ class Actions:
         session.load()
         source = Path(session.data) if session.data else source_of(path)
         if source is None:
-            session.stage = "failed"
-            session.error = error_content(
-                "the measurements of these results are not where they were",
-                "open the measurements themselves",
-                str(path),
-            )
+            what = "the measurements of these results are not where they were"
+            remedy = "open the measurements themselves"
+            session.stage, session.error = "failed", error_content(what, remedy, str(path))
         elif session.data:
             self.resume(session)
         else:
@@ -97,26 +95,28 @@ class Actions:
         session.stage = "reading"
         self._later(session, self._prepare(session))
 
-    async def answer(self, session: Session, answers: dict[str, str]) -> None:
-        """Continue with the answers to the questions."""
+    async def answer(self, session: Session, body: dict[str, Any]) -> dict[str, bool]:
+        """Continue with the answers to the questions about a file."""
+        given = body.get("answers")
+        if not isinstance(given, dict):
+            raise refused(422, "there are no answers", "see docs/app.md")
         _refuse_unasked(session)
-        answered = session.answers | answers
+        words = {str(key): str(value) for key, value in given.items() if value not in (None, "")}
+        answered = session.answers | words
         result = await self._reading(session, answered)
         _refuse_unasked(session)  # and not answered twice meanwhile
         session.answers = answered
         self._stage(session, "reading")
         self._later(session, self._take(session, result))
+        return {"ok": True}
 
     async def _read(self, session: Session) -> None:
         self._stage(session, "reading")
         await self._take(session, await self._reading(session, {}))
 
-    async def _reading(self, session: Session, answers: dict[str, str]) -> dict[str, Any]:
-        folder = str(session.folder)
-        found: dict[str, Any] = await self._ask(
-            "read", folder=folder, uploads=session.uploads, answers=answers
-        )
-        return found
+    async def _reading(self, session: Session, answers: dict[str, str]) -> Any:
+        folder, uploads = str(session.folder), session.uploads
+        return await self._ask("read", folder=folder, uploads=uploads, answers=answers)
 
     async def _take(self, session: Session, result: dict[str, Any]) -> None:
         """Go on with what reading gave: questions, or the measurements."""
@@ -138,12 +138,12 @@ class Actions:
             await self.open_pad(session, name)
         self._stage(session, "ready")
 
-    async def open_pad(self, session: Session, pad: str) -> None:
+    async def open_pad(self, session: Session, pad: str) -> dict[str, Any]:
         """Open a pad, and fit its first model if it is opened for the first time."""
         session.known(pad)
         async with self._locks.setdefault((session.id, pad), asyncio.Lock()):
             if (session.id, pad) in self._opened:
-                return
+                return session.shown_pad(pad)
             own = session.bench.get(pad) or BenchPad()
             opened = await self._ask("open_pad", **self._where(session, pad), first=not own.history)
             self._opened.add((session.id, pad))
@@ -154,6 +154,7 @@ class Actions:
                 self._keep(session, pad, own.add("start", opened["model"], rmse))
             await self._bands(session, pad)
         session.save()
+        return session.shown_pad(pad)
 
     async def _bands(self, session: Session, pad: str) -> None:
         """Read the bands of a chain that was sampled before, here or by a command."""
@@ -181,17 +182,16 @@ class Actions:
         if not isinstance(name, str) or not isinstance(model, dict):
             raise refused(422, "no change of a model is asked for", "see docs/app.md")
         raw = await self.forwarded(session, pad, "change", model=model, how=how, name=name)
-        changed = json.loads(raw)
-        curves = changed["curves"]
+        changed, curves = (found := json.loads(raw)), found["curves"]
         state = own.add(_HOW[how].format(name), changed["model"], curves["rmse"])
         self._keep(session, pad, state)
         session.save()
         return {"state": state.shown(), "curves": curves}
 
-    async def go_back(self, session: Session, pad: str, number: Any) -> dict[str, Any]:
+    async def go_back(self, session: Session, pad: str, body: dict[str, Any]) -> dict[str, Any]:
         """Go back to a state of the history."""
         own = session.pad(pad)
-        state = own.state(number)
+        state = own.state(body.get("state"))
         curves = json.loads(await self.forwarded(session, pad, "curves", model=state.model))
         own.current = state.id
         session.save()
@@ -214,21 +214,21 @@ class Actions:
 
     # jobs
 
-    def order(self, session: Session, body: dict[str, Any]) -> Job:
+    def order(self, session: Session, body: dict[str, Any]) -> dict[str, Any]:
         """Start a job that the page asks for."""
-        kind, pad = str(body.get("kind")), body.get("pad")
+        kind, pad, state = str(body.get("kind")), body.get("pad"), None
         if kind not in _KINDS:
             raise refused(422, f"no job {kind!r}", f"use one of {', '.join(_KINDS)}")
         spec: dict[str, Any] = {"out": str(session.folder)}
-        state = None
         if kind == "report":
             pad = None
         else:
             pad = str(pad or "")
             session.known(pad)
+            model = body.get("model")
             if (own := session.bench.get(pad)) is not None:
                 state = own.current
-            model = body.get("model") or (None if own is None else own.state(own.current).model)
+                model = model or own.state(state).model
             spec |= {"pad": pad, "model": model, **self._where(session, pad)}
             if kind == "diagnose":  # which describes anew
                 spec["effects_file"] = self._effects_file

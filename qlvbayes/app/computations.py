@@ -9,9 +9,9 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache, partial, wraps
+from functools import lru_cache, wraps
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -26,10 +26,10 @@ from qlvbayes.fitting.prediction import representative_rows
 from qlvbayes.fitting.results import load
 from qlvbayes.fitting.summary import FitSummary
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.data import Measurements, read_measurements
+from qlvbayes.io.data import read_measurements
 from qlvbayes.io.wording import plain
 from qlvbayes.model.choices import Choices
-from qlvbayes.motion.experiment import Experiment, prepare
+from qlvbayes.motion.experiment import Experiment, Trial, prepare
 
 _STUDIES = 4  # studies that are kept
 _BENCHES = 6  # benches that are kept, some ten MB each
@@ -40,55 +40,40 @@ Answer = dict[str, Any]
 Made = TypeVar("Made")
 
 
-class _Once(Generic[Made]):
-    """Object that the first thread makes that asks for it; no thread waits for another object."""
-
-    def __init__(self, make: Callable[[], Made]) -> None:
-        self._make, self._making = make, threading.Lock()
-        self._made: Made | None = None
-
-    def get(self) -> Made:
-        with self._making:
-            if self._made is None:
-                self._made = self._make()
-            return self._made
-
-
 def _kept(most: int) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
     """Keep what a function made of a file last, with its other arguments, while that is as it was.
 
-    Each is made once for all threads.
+    Each is made once, by the first thread that asks for it; no thread waits for another object.
     """
 
     def keeping(make: Callable[..., Made]) -> Callable[..., Made]:
         @lru_cache(most)
-        def once(changed: int, *key: str | None) -> _Once[Made]:
-            return _Once(partial(make, *key))
+        def once(changed: int, *key: str | None) -> tuple[threading.Lock, list[Made]]:
+            return threading.Lock(), []
 
         @wraps(make)
         def kept(data: str, *key: str | None) -> Made:
-            return once(Path(data).stat().st_mtime_ns, data, *key).get()
+            making, made = once(Path(data).stat().st_mtime_ns, data, *key)
+            with making:
+                if not made:
+                    made.append(make(data, *key))
+                return made[0]
 
         return kept
 
     return keeping
 
 
-@_kept(_STUDIES)
-def _study(data: str) -> Measurements:
-    """Return the measurements in a file."""
-    return read_measurements(data)
+_study = _kept(_STUDIES)(read_measurements)
 
 
 @_kept(_BENCHES)
 def _experiment(data: str, pad: str) -> Experiment:
-    """Return one of its pads, prepared."""
     return prepare(_study(data).pad(pad))
 
 
 @_kept(_BENCHES)
 def _bench(data: str, pad: str, effects_file: str | None) -> Bench:
-    """Return the bench of one of its pads."""
     experiment = _experiment(data, pad)
     bonded = experiment.units.bonded_default
     return Bench.from_experiment(experiment, Choices(bonded=bonded, effects_file=effects_file))
@@ -144,27 +129,25 @@ def _units(experiment: Experiment) -> Answer:
 def measured(data: str, pad: str, effects_file: str | None) -> Answer:
     """Return the samples and the units, which can be shown before there is a model."""
     experiment = _experiment(data, pad)
-    tests = []
-    for trial in experiment.trials:
-        rows = representative_rows(trial)
-        time = trial.test.time[rows]
-        tests.append(
-            {
-                "name": trial.name,
-                "rate": trial.rate,
-                "phases": [(p.kind, float(p.start), float(p.stop)) for p in trial.phases],
-                "time": [round(t, 6) for t in time.tolist()],
-                "phase": trial.phase_of(time).tolist(),
-                "displacement": _short(trial.test.displacement[rows]),
-                "force": _short(trial.test.force[rows]),
-            }
-        )
-    return {"units": _units(experiment), "tests": tests}
+    return {"units": _units(experiment), "tests": list(map(_measured, experiment.trials))}
 
 
-def catalogue(data: str, pad: str, effects_file: str | None) -> Answer:
+def _measured(trial: Trial) -> Answer:
+    rows = representative_rows(trial)
+    time = trial.test.time[rows]
+    return {
+        "name": trial.name,
+        "rate": trial.rate,
+        "phases": [(p.kind, float(p.start), float(p.stop)) for p in trial.phases],
+        "time": [round(t, 6) for t in time.tolist()],
+        "phase": trial.phase_of(time).tolist(),
+        "displacement": _short(trial.test.displacement[rows]),
+        "force": _short(trial.test.force[rows]),
+    }
+
+
+def catalogue(bench: Bench) -> Answer:
     """Return the laws and effects that can be chosen, those of the list first."""
-    bench = _bench(data, pad, effects_file)
     space = bench.space
     protocol = protocol_of(bench.experiment, bonded=bench.choices.bonded)
     listed = {kind.name for kind in bench.choices.candidates}
@@ -173,29 +156,25 @@ def catalogue(data: str, pad: str, effects_file: str | None) -> Answer:
          "blind": type(effect).blind(protocol)}
         for name, effect in sorted(space.effects.items(), key=lambda x: x[0] not in listed)
     ]  # fmt: skip
-    return {
-        "elastic": [{"name": name, "law": law.law} for name, law in space.elastic.items()],
-        "relaxation": [{"name": name, "law": law.law} for name, law in space.relaxation.items()],
-        "effects": effects,
+    laws: dict[str, Any] = {"elastic": space.elastic, "relaxation": space.relaxation}
+    return {"effects": effects} | {
+        kind: [{"name": name, "law": law.law} for name, law in some.items()]
+        for kind, some in laws.items()
     }
 
 
-def parameters(data: str, pad: str, effects_file: str | None, model: Answer) -> Answer:
+def parameters(bench: Bench, model: Answer) -> Answer:
     """Return the sliders of a model."""
-    sliders = _bench(data, pad, effects_file).sliders(model_of(model))
-    return {"parameters": [msgspec.to_builtins(slider) for slider in sliders]}
+    return {"parameters": msgspec.to_builtins(bench.sliders(model_of(model)))}
 
 
-def curves(
-    data: str, pad: str, effects_file: str | None, model: Answer, tab: str | None = None
-) -> Answer:
+def curves(bench: Bench, model: Answer, tab: str | None = None) -> Answer:
     """Return a model's force and errors; a later call of the same ``tab`` supersedes this one."""
-    return _look(_bench(data, pad, effects_file), model_of(model))
+    return _look(bench, model_of(model))
 
 
-def signature(data: str, pad: str, effects_file: str | None, model: Answer, effect: str) -> Answer:
+def signature(bench: Bench, model: Answer, effect: str) -> Answer:
     """Return what an effect would add to a model, with the shift of the model's constants."""
-    bench = _bench(data, pad, effects_file)
     added = bench.signature(model_of(model), effect)
     return {
         "effect": added.effect,
@@ -209,11 +188,9 @@ def signature(data: str, pad: str, effects_file: str | None, model: Answer, effe
     }
 
 
-def change(
-    data: str, pad: str, effects_file: str | None, model: Answer, how: str, name: str = ""
-) -> Answer:
+def change(bench: Bench, model: Answer, how: str, name: str = "") -> Answer:
     """Return a changed model, fitted unless it is only to be kept."""
-    bench, given = _bench(data, pad, effects_file), model_of(model)
+    given = model_of(model)
     changes: dict[str, Callable[[], ByHand]] = {
         "keep": lambda: replace(given, values=bench.look(given).values),
         "fit": lambda: bench.fit(given),
@@ -226,16 +203,15 @@ def change(
     return {"model": msgspec.to_builtins(changed), "curves": _look(bench, changed)}
 
 
-def held_out(data: str, pad: str, effects_file: str | None, model: Answer) -> Iterator[Any]:
+def held_out(bench: Bench, model: Answer) -> Iterator[Any]:
     """Yield the held-out error, computed in pieces."""
-    bench = _bench(data, pad, effects_file)
     for error in bench.held_out(model_of(model)):
         yield None if error is None else {"heldout": error}
 
 
-def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
+def bands(bench: Bench, folder: str) -> Answer:
     """Return what a sampled fit predicts at the samples, and its summary with the intervals."""
-    bench, saved = _bench(data, pad, effects_file), load(Path(folder) / "posterior.nc")
+    saved = load(Path(folder) / "posterior.nc")
     summary = FitSummary.read(Path(folder) / "summary.json")
     own = saved.choices
     model = ByHand(own.elastic, own.relaxing, own.effects)
@@ -250,13 +226,21 @@ def bands(data: str, pad: str, effects_file: str | None, folder: str) -> Answer:
     }  # fmt: skip
 
 
+def _of_bench(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the call of a function of a bench: the bench is that of a pad of a file."""
+
+    def call(data: str, pad: str, effects_file: str | None, **arguments: Any) -> Any:
+        return function(_bench(data, pad, effects_file), **arguments)
+
+    return call
+
+
 CALLS: dict[str, Callable[..., Any]] = {
-    function.__name__: function
-    for function in (
-        read, pads, open_pad, measured, catalogue, parameters, curves,
-        signature, change, held_out, bands,
-    )
-}  # fmt: skip
+    function.__name__: function for function in (read, pads, open_pad, measured)
+} | {
+    function.__name__: _of_bench(function)
+    for function in (catalogue, parameters, curves, signature, change, held_out, bands)
+}
 """The calls by name."""
 NICE = 0
 """Added to the niceness."""
@@ -279,13 +263,11 @@ def _look(bench: Bench, model: ByHand) -> Answer:
 
 def _cell(bench: Bench, cell: CellError) -> Answer:
     over = cell.rmse / bench.noise
+    fails = not cell.rmse <= bench.limits[cell.test, cell.phase]
+    words = _words(cell, over, bench.experiment.units.force)
     return {
-        "test": cell.test,
-        "phase": cell.phase,
-        "over_noise": over,
-        "fails": not cell.rmse <= bench.limits[cell.test, cell.phase],
-        "words": _words(cell, over, bench.experiment.units.force),
-    }
+        "test": cell.test, "phase": cell.phase, "over_noise": over, "fails": fails, "words": words,
+    }  # fmt: skip
 
 
 def _words(cell: CellError, over: float, unit: str) -> str:

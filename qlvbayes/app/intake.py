@@ -55,13 +55,16 @@ def read_in(folder: Path, uploads: Sequence[Path], answers: dict[str, str]) -> A
     """Return the tidy file's path as ``data``, or ``questions``."""
     try:
         results_folder(folder)
-        tidy = [_is_tidy(one) for one in uploads]
-        if not all(tidy):
+        if not all(map(_is_tidy, uploads)):
             return _converted(folder, uploads, answers)
         if len(uploads) > 1:
             what = f"of {len(uploads)} files in tidy form each is a study of its own"
             raise InputError(what, remedy="open one, or write their rows into one file")
-        return _kept(folder, uploads[0])
+        read_measurements(file := uploads[0])  # it is copied as it is, once it can be read
+        target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
+        if not (target.is_file() and target.samefile(file)):
+            shutil.copyfile(file, target)
+        return {"data": str(target)}
     except InputError as error:
         raise _by_name(error, uploads) from error
 
@@ -72,15 +75,6 @@ def _is_tidy(file: Path) -> bool:
     except InputError:
         return False
     return True
-
-
-def _kept(folder: Path, file: Path) -> Answer:
-    """Copy a tidy file as it is, once it has been read without an error."""
-    read_measurements(file)
-    target = folder / (f"{DATA}.gz" if file.suffix.lower() == ".gz" else DATA)
-    if not (target.is_file() and target.samefile(file)):
-        shutil.copyfile(file, target)
-    return {"data": str(target)}
 
 
 def _converted(folder: Path, files: Sequence[Path], answers: dict[str, str]) -> Answer:
@@ -167,10 +161,8 @@ def _asked_for_pads(conversion: Conversion) -> Answer:
         _choice(_PAD.format(k), test.test, None, pad)
         for k, (test, pad) in enumerate(zip(tests, pads, strict=True))
     ]
-    text = (
-        f"{files[0]}{more} {len(tests)} tests. "
-        "They may be tests of one pad, or of several pads (specimens)."
-    )
+    may = "They may be tests of one pad, or of several pads (specimens)."
+    text = f"{files[0]}{more} {len(tests)} tests. {may}"
     return {"file": files[0], "kind": _HOW, "rows": [head, *rows], "ask": ask, "text": text}
 
 
@@ -183,10 +175,8 @@ def _pads_of(answers: dict[str, str]) -> tuple[str, ...]:
     last = max((k for k in range(len(answers)) if _PAD.format(k) in answers), default=-1)
     pads = [answers.get(_PAD.format(k), "").strip() for k in range(last + 1)]
     if "" in pads or not pads:
-        raise InputError(
-            f"test {pads.index('') + 1 if pads else 1} has no pad",
-            remedy="name the pad of each test",
-        )
+        what = f"test {pads.index('') + 1 if pads else 1} has no pad"
+        raise InputError(what, remedy="name the pad of each test")
     return tuple(pads)
 
 
@@ -198,9 +188,5 @@ def _by_name(error: InputError, uploads: Sequence[Path]) -> InputError:
             text = text.replace(str(one), one.name) if text else text
         return text
 
-    return InputError(
-        named(error.message) or "",
-        file=named(error.file),
-        line=error.line,
-        remedy=named(error.remedy),
-    )
+    what, file, remedy = (named(x) for x in (error.message, error.file, error.remedy))
+    return InputError(what or "", file=file, line=error.line, remedy=remedy)

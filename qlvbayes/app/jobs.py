@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from qlvbayes.app.events import Events
-from qlvbayes.app.failures import ErrorContent, RefusedError, error_content, refused
+from qlvbayes.app.failures import ErrorContent, RefusedError, refused
 from qlvbayes.app.workers import Worker
 
-AT_ONCE = max(1, min(2, (os.cpu_count() or 1) - 1))
-"""Jobs that run together, with one core left for the page."""
+AT_ONCE = max(1, min(2, (os.cpu_count() or 1) - 1))  # jobs that run together: a core is the page's
 _LISTED = 50  # jobs of a session that are kept once they are over
 
 
@@ -32,7 +31,7 @@ class Job:
     kind: str
     pad: str | None
     spec: dict[str, Any]
-    finished: Callable[[Job], Awaitable[None]]
+    finished: Callable[[Job], Awaitable[None]] | None = None
     state: str = "waiting"
     progress: dict[str, Any] = field(default_factory=lambda: {"text": "", "elapsed_s": 0.0})
     error: ErrorContent | None = None
@@ -66,7 +65,7 @@ class Jobs:
     def add(
         self, session: str, kind: str, pad: str | None, spec: dict[str, Any],
         finished: Callable[[Job], Awaitable[None]],
-    ) -> Job:  # fmt: skip
+    ) -> dict[str, Any]:  # fmt: skip
         """Append a job to the queue; raise RefusedError where the same job is there already."""
         own = self.in_session(session)
         if any((one.kind, one.pad) == (kind, pad) and not one.over for one in own):
@@ -77,11 +76,11 @@ class Jobs:
         self._jobs.append(job)
         job.task = asyncio.create_task(self._run(job))
         self._publish(job)
-        return job
+        return self.shown(job)
 
     async def run(self, kind: str, spec: dict[str, Any]) -> None:
         """Do something short at once, outside the queue."""
-        await self._work(Job("", "", kind, None, spec, _nothing))
+        await self._work(Job("", "", kind, None, spec))
 
     def get(self, session: str, number: str) -> Job:
         """Return the job of that id; raise RefusedError where there is none."""
@@ -94,15 +93,16 @@ class Jobs:
         """Return the jobs of one session."""
         return [job for job in self._jobs if job.session == session]
 
-    async def cancel(self, job: Job) -> None:
+    async def cancel(self, job: Job) -> dict[str, Any]:
         """End a job and its worker at once; remove one that is over."""
         if job.over:
             self._jobs.remove(job)
         elif job.task is not None:
             job.task.cancel()
             await asyncio.gather(job.task, return_exceptions=True)
+        return self.shown(job)
 
-    async def enough(self, job: Job) -> None:
+    async def enough(self, job: Job) -> dict[str, Any]:
         """Make a search sum up its results so far; raise RefusedError where there are none."""
         if job.worker is None or not job.probabilities or job.over:
             raise refused(409, "nothing is known yet", "wait for the first probabilities")
@@ -110,6 +110,7 @@ class Jobs:
             job.enough = True
             await job.worker.call("enough")
             self._publish(job)
+        return self.shown(job)
 
     async def cancel_all(self, session: str) -> None:
         """Cancel and remove all jobs of one session."""
@@ -120,16 +121,10 @@ class Jobs:
     def shown(self, job: Job) -> dict[str, Any]:
         """Return a job as the page receives it."""
         waiting = [one for one in self._jobs if one.state == "waiting"]
-        return {
-            "id": job.id,
-            "kind": job.kind,
-            "pad": job.pad,
-            "state": job.state,
-            "place": waiting.index(job) + 1 if job in waiting else 0,
-            "enough": job.enough if job.probabilities else None,
-            "error": job.error,
-            **job.progress,
-        }
+        known = {name: getattr(job, name) for name in ("id", "kind", "pad", "state", "error")}
+        place = waiting.index(job) + 1 if job in waiting else 0
+        enough = job.enough if job.probabilities else None
+        return known | {"place": place, "enough": enough, **job.progress}
 
     async def _run(self, job: Job) -> None:
         try:
@@ -151,13 +146,13 @@ class Jobs:
         job.worker = await Worker.spawn("steps")
         try:
             await job.worker.call(job.kind, lambda line: self._on_progress(job, line), **job.spec)
-            await job.finished(job)
+            if job.finished is not None:
+                await job.finished(job)
         except RefusedError as error:
             if error.status != 503:
                 raise
-            message = "the process that computed this has died"
-            content = error_content(message, "start it again: it goes on where it was")
-            raise RefusedError(500, content) from None
+            what = "the process that computed this has died"
+            raise refused(500, what, "start it again: it goes on where it was") from None
         finally:
             await asyncio.shield(_end(job.worker, job))
 
@@ -171,10 +166,6 @@ class Jobs:
 
     def _publish(self, job: Job) -> None:
         self._events.publish(job.session, "job", self.shown(job))
-
-
-async def _nothing(job: Job) -> None:
-    """Take in nothing."""
 
 
 async def _end(worker: Worker, job: Job) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 from collections.abc import Awaitable, Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -15,9 +15,9 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from qlvbayes import __version__
 from qlvbayes.app.actions import BUNDLED, Actions
 from qlvbayes.app.failures import refused
-from qlvbayes.app.jobs import Job
 from qlvbayes.app.security import UPLOAD_LIMIT
 from qlvbayes.app.sessions import Session, commands
 from qlvbayes.io.files import bundled
@@ -40,32 +40,57 @@ class Routes:
         self.actions = actions
 
     def all(self) -> list[Route]:
-        """Return all routes, each with its method, path and handler."""
-        jobs, pad = "/api/s/{id}/jobs", "/api/s/{id}/pads/{pad}"
-        table: list[tuple[str, str, Callable[[Request], Awaitable[Any]]]] = [
+        """Return all routes, each with its method, path and what answers it."""
+        do, jobs, job = self.actions, "/api/s/{id}/jobs", "/api/s/{id}/jobs/{job}"
+        pad = "/api/s/{id}/pads/{pad}"
+        table: list[tuple[str, str, Callable[..., Any]]] = [
             ("GET", "/", self._page),
             ("GET", "/s/{id}", self._page),
             ("GET", "/static/{name}", self._static),
             ("GET", "/api/start", self._start),
-            ("POST", "/api/sessions", self._open),
+            ("POST", "/api/sessions", do.open_bundled),
             ("POST", "/api/upload", self._upload),
-            ("GET", "/api/s/{id}", self._state),
+            ("GET", "/api/s/{id}", lambda session: do.shown(session) | _LIMIT),
             ("DELETE", "/api/s/{id}", self._forget),
             ("GET", "/api/s/{id}/events", self._events),
-            ("POST", "/api/s/{id}/answers", self._answers),
+            ("POST", "/api/s/{id}/answers", do.answer),
             ("GET", "/api/s/{id}/tidy.csv", self._tidy),
             ("GET", "/api/s/{id}/report.html", self._report),
-            ("POST", jobs, self._order),
-            ("GET", f"{jobs}/{{job}}", self._job),
-            ("DELETE", f"{jobs}/{{job}}", self._cancel),
-            ("POST", f"{jobs}/{{job}}/enough", self._enough),
-            ("POST", f"{pad}/open", self._open_pad),
-            ("POST", f"{pad}/states", self._change),
-            ("POST", f"{pad}/current", self._go_back),
+            ("POST", jobs, do.order),
+            ("GET", job, do.jobs.shown),
+            ("DELETE", job, do.jobs.cancel),
+            ("POST", f"{job}/enough", do.jobs.enough),
+            ("POST", f"{pad}/open", do.open_pad),
+            ("POST", f"{pad}/states", do.change),
+            ("POST", f"{pad}/current", do.go_back),
             ("GET", f"{pad}/{{call:str}}", self._pad_file),
             ("POST", f"{pad}/{{call:str}}", self._model),
         ]
-        return [Route(path, _answering(do), methods=[method]) for method, path, do in table]
+        return [Route(path, self._answering(do), methods=[method]) for method, path, do in table]
+
+    def _answering(self, do: Callable[..., Any]) -> Callable[[Request], Awaitable[Response]]:
+        """Return a handler that calls a function with those parts of a request that it names."""
+
+        async def handle(request: Request) -> Response:
+            given: dict[str, Any] = {}
+            for name in inspect.signature(do).parameters:
+                if name == "request":
+                    given[name] = request
+                elif name == "session":
+                    given[name] = self._session(request)
+                elif name == "job":
+                    session = self._session(request)
+                    given[name] = self.actions.jobs.get(session.id, request.path_params["job"])
+                elif name == "body":
+                    given[name] = await _body(request)
+                else:
+                    given[name] = request.path_params[name]
+            answer = do(**given)
+            if inspect.isawaitable(answer):
+                answer = await answer
+            return answer if isinstance(answer, Response) else JSONResponse(answer)
+
+        return handle
 
     def _session(self, request: Request) -> Session:
         session = self.actions.sessions.get(request.path_params["id"])
@@ -73,38 +98,25 @@ class Routes:
             self.actions.resume(session)
         return session
 
-    def _pad(self, request: Request) -> tuple[Session, str]:
-        return self._session(request), request.path_params["pad"]
-
-    # page and files
-
-    async def _page(self, request: Request) -> Response:
+    def _page(self) -> Response:
         return FileResponse(_PAGE / "index.html", media_type=_HTML)
 
-    async def _static(self, request: Request) -> Response:
+    def _static(self, name: str) -> Response:
         """Return a static file of the page or of the report."""
-        name = request.path_params["name"]
         for folder in (_PAGE, _REPORT):
             file = folder / name
             if file.parent == folder and file.is_file():
                 return FileResponse(file)
         raise refused(404, f"there is no file {name}")
 
-    # sessions
-
-    async def _start(self, request: Request) -> Any:
+    def _start(self) -> Any:
         """Return what the first page shows."""
         known = {name: text for name, text in BUNDLED.items() if bundled(f"{name}.csv").is_file()}
-        return {
-            "version": _version(),
+        return _LIMIT | {
+            "version": __version__,
             "bundled": [{"name": name, "text": text} for name, text in known.items()],
             "sessions": self.actions.sessions.known(),
-            "upload_limit_bytes": UPLOAD_LIMIT,
         }
-
-    async def _open(self, request: Request) -> Any:
-        """Open a session with measurements that come with the package."""
-        return {"id": self.actions.open_bundled(str((await _body(request)).get("open"))).id}
 
     async def _upload(self, request: Request) -> Any:
         """Open a session with the user's files."""
@@ -126,118 +138,56 @@ class Routes:
         self.actions.begin(session, paths)
         return {"id": session.id}
 
-    async def _state(self, request: Request) -> Any:
-        return self.actions.shown(self._session(request)) | {"upload_limit_bytes": UPLOAD_LIMIT}
-
     async def _forget(self, request: Request) -> Any:
-        session = self.actions.sessions.get(request.path_params["id"])
+        session = self.actions.sessions.get(request.path_params["id"])  # which stays closed
         await self.actions.jobs.cancel_all(session.id)
         self.actions.sessions.forget(session)
         return {"ok": True}
 
-    async def _events(self, request: Request) -> Response:
-        stream = self.actions.events.stream(self._session(request).id)
+    def _events(self, session: Session) -> Response:
+        stream = self.actions.events.stream(session.id)
         return StreamingResponse(stream, media_type="text/event-stream")
 
-    async def _answers(self, request: Request) -> Any:
-        """Take the answers to the questions about a file."""
-        given = (await _body(request)).get("answers")
-        if not isinstance(given, dict):
-            raise refused(422, "there are no answers", "see docs/app.md")
-        words = {str(key): str(value) for key, value in given.items() if value not in (None, "")}
-        await self.actions.answer(self._session(request), words)
-        return {"ok": True}
-
-    async def _tidy(self, request: Request) -> Response:
-        file = Path(self._session(request).data or "none")
+    def _tidy(self, session: Session) -> Response:
+        file = Path(session.data or "none")
         return _file(file, "application/gzip" if file.suffix == ".gz" else _CSV)
 
-    async def _report(self, request: Request) -> Response:
+    async def _report(self, session: Session) -> Response:
         """Return the report, written anew where there is a newer result."""
-        folder = self._session(request).folder
-        file = folder / "report.html"
+        folder, file = session.folder, session.folder / "report.html"
         written = file.stat().st_mtime if file.is_file() else 0.0
         if any(one.stat().st_mtime >= written for one in folder.glob("*/*.json")) or not written:
             await self.actions.jobs.run("report", {"out": str(folder)})
         return _file(file, _HTML)
 
-    # jobs
-
-    def _job_of(self, request: Request) -> Job:
-        return self.actions.jobs.get(self._session(request).id, request.path_params["job"])
-
-    async def _order(self, request: Request) -> Any:
-        job = self.actions.order(self._session(request), await _body(request))
-        return self.actions.jobs.shown(job)
-
-    async def _job(self, request: Request) -> Any:
-        return self.actions.jobs.shown(self._job_of(request))
-
-    async def _cancel(self, request: Request) -> Any:
-        job = self._job_of(request)
-        await self.actions.jobs.cancel(job)
-        return self.actions.jobs.shown(job)
-
-    async def _enough(self, request: Request) -> Any:
-        """End a search with its results so far."""
-        job = self._job_of(request)
-        await self.actions.jobs.enough(job)
-        return self.actions.jobs.shown(job)
-
-    # the model by hand
-
-    async def _open_pad(self, request: Request) -> Any:
-        session, pad = self._pad(request)
-        await self.actions.open_pad(session, pad)
-        return session.shown_pad(pad)
-
-    async def _change(self, request: Request) -> Any:
-        """Make a new state."""
-        return await self.actions.change(*self._pad(request), await _body(request))
-
-    async def _go_back(self, request: Request) -> Any:
-        """Go back to a state of the history."""
-        number = (await _body(request)).get("state")
-        return await self.actions.go_back(*self._pad(request), number)
-
-    async def _model(self, request: Request) -> Response:
+    async def _model(
+        self, request: Request, session: Session, pad: str, call: str, body: dict[str, Any]
+    ) -> Response:
         """Return force and errors of a model, its sliders, or what an effect would add to it."""
-        call, body = request.path_params["call"], await _body(request)
+        arguments: dict[str, Any] = {"model": body}
         if call == "signature":
             arguments = {"model": body.get("model"), "effect": body.get("effect")}
-        elif call == "parameters":
-            arguments = {"model": body}
-        elif call == "curves":
-            tab = request.headers.get("x-tab")
-            key = None if tab is None else f"{request.path_params['id']} {tab}"
-            arguments = {"model": body, "tab": key}
-        else:
+        elif call == "curves" and (tab := request.headers.get("x-tab")) is not None:
+            arguments["tab"] = f"{session.id} {tab}"
+        elif call not in ("curves", "parameters"):
             raise refused(404, f"there is no {call}")
-        return await self._forwarded(request, call, **arguments)
+        return await self._forwarded(session, pad, call, **arguments)
 
-    async def _pad_file(self, request: Request) -> Response:
+    async def _pad_file(self, session: Session, pad: str, call: str) -> Response:
         """Return the samples, the laws and effects, or command lines that do the same."""
-        call = request.path_params["call"]
         if call in ("measured", "catalogue"):
-            return await self._forwarded(request, call)
+            return await self._forwarded(session, pad, call)
         if call != "repeat.sh":
             raise refused(404, f"there is no {call}")
         headers = {"content-disposition": f'attachment; filename="{call}"'}
-        return Response(commands(*self._pad(request)), media_type="text/x-sh", headers=headers)
+        return Response(commands(session, pad), media_type="text/x-sh", headers=headers)
 
-    async def _forwarded(self, request: Request, call: str, **arguments: Any) -> Response:
-        answer = await self.actions.forwarded(*self._pad(request), call, **arguments)
+    async def _forwarded(self, session: Session, pad: str, call: str, **arguments: Any) -> Response:
+        answer = await self.actions.forwarded(session, pad, call, **arguments)
         return Response(answer, media_type="application/json")
 
 
-def _answering(do: Callable[[Request], Awaitable[Any]]) -> Callable[[Request], Awaitable[Response]]:
-    """Return a handler of a route, whose answer is JSON unless it is a response already."""
-
-    async def handle(request: Request) -> Response:
-        answer = await do(request)
-        return answer if isinstance(answer, Response) else JSONResponse(answer)
-
-    return handle
+_LIMIT = {"upload_limit_bytes": UPLOAD_LIMIT}
 
 
 async def _body(request: Request) -> dict[str, Any]:
@@ -263,10 +213,3 @@ def safe_name(name: str) -> str:
     """Return a name that is one file's, wherever it came from."""
     plain = re.sub(r"[^\w. ()+-]", "_", PurePosixPath(name.replace("\\", "/")).name)
     return plain.strip(" .")[-_LONGEST:] or "upload.csv"
-
-
-def _version() -> str:
-    try:
-        return version("qlvbayes")
-    except PackageNotFoundError:
-        return ""

@@ -65,10 +65,8 @@ class Address:
             secure = parts.scheme == "https"
             return cls(frozenset({parts.netloc}), frozenset({origin}), f"qlvbayes-{port}", secure)
         names = {host}
-        if host in _HERE:
-            names |= _HERE
-        elif host in _EVERYWHERE:
-            names |= _HERE | _own_names()
+        names |= _HERE if host in _HERE | _EVERYWHERE else set()
+        names |= _own_names() if host in _EVERYWHERE else set()
         hosts = frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)
         return cls(hosts, frozenset(f"http://{one}" for one in hosts), f"qlvbayes-{port}")
 
@@ -91,9 +89,7 @@ class RequestFilter:
 
         async def answered(message: Message) -> None:
             if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                for name, value in _HEADERS.items():
-                    headers[name] = value
+                MutableHeaders(scope=message).update(_HEADERS)
             await send(message)
 
         refused = self._refused(scope)

@@ -63,8 +63,8 @@ async def _answer(request: Request, error: Exception) -> Response:
     elif isinstance(error, MultiPartException):
         status, content = 422, error_content("the upload is malformed", "send the file again")
     else:
-        content = error_content(f"internal error ({type(error).__name__})", "report it")
-        status = 500
+        what = f"internal error ({type(error).__name__})"
+        status, content = 500, error_content(what, "report it")
     return JSONResponse({"error": content}, status_code=status)
 
 
@@ -84,11 +84,8 @@ def application(options: Options, address: Address) -> Starlette:
         await jobs.close()
         await worker.close()
 
-    app = Starlette(
-        routes=Routes(actions).all(),
-        lifespan=life,
-        exception_handlers=dict.fromkeys(_FAILURES, _answer),
-    )
+    handlers = dict.fromkeys(_FAILURES, _answer)
+    app = Starlette(routes=Routes(actions).all(), lifespan=life, exception_handlers=handlers)
     app.add_middleware(RequestFilter, token=options.token, address=address)
     app.state.actions = actions
     return app
@@ -104,7 +101,8 @@ def serve(options: Options) -> None:
     port = int(listening.getsockname()[1])
     address = Address.from_host(options.host, port, options.behind)
     app = application(options, address)
-    base = options.behind or f"http://{_in_url(options.host)}:{port}"
+    name = socket.gethostname() if options.host in ("0.0.0.0", "::") else options.host
+    base = options.behind or f"http://{f'[{name}]' if ':' in name else name}:{port}"
     config = uvicorn.Config(
         app, log_level="warning", access_log=False, server_header=False, proxy_headers=False,
         timeout_graceful_shutdown=1,
@@ -118,9 +116,7 @@ class _Server(uvicorn.Server):
 
     def __init__(self, config: uvicorn.Config, app: Starlette, options: Options, base: str) -> None:
         super().__init__(config)
-        self._app = app
-        self._options = options
-        self._base = base
+        self._app, self._options, self._base = app, options, base
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start, then open what the options name, and print the address."""
@@ -157,9 +153,3 @@ def _stop(text: str) -> NoReturn:
     """Print one plain line and exit with status 2, as every command does."""
     print(f"qlvbayes: {text}", file=sys.stderr)
     raise SystemExit(2)
-
-
-def _in_url(host: str) -> str:
-    if host in ("0.0.0.0", "::"):
-        return socket.gethostname()
-    return f"[{host}]" if ":" in host else host

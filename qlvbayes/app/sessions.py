@@ -74,7 +74,7 @@ class BenchPad(msgspec.Struct):
         self.current = number
         return state
 
-    def state(self, number: int) -> HistoryState:
+    def state(self, number: Any) -> HistoryState:
         """Return the state of that number; raise RefusedError where there is none."""
         for state in self.history:
             if state.id == number:
@@ -161,18 +161,13 @@ class Session:
             text = file.with_suffix(".txt").read_text().split("\n\n")
             diagnosis = json.loads(file.read_text())
             diagnosis["text"] = [one for one in text if one.strip()]
-            ranking = [
-                {"effect": one["effect"], "probability": one.get("inclusion")}
-                for one in diagnosis.get("ranking", [])
-            ]
+            ranked = ((x["effect"], x.get("inclusion")) for x in diagnosis.get("ranking", []))
+            ranking = [{"effect": name, "probability": share} for name, share in ranked]
+        history, bands = [state.shown() for state in own.history], self.bands.get(name)
         return {
-            **own.facts,
-            "current": own.current,
-            "history": [state.shown() for state in own.history],
-            "ranking": ranking,
-            "diagnosis": diagnosis,
-            "bands": self.bands.get(name),
-        }
+            **own.facts, "current": own.current, "history": history, "ranking": ranking,
+            "diagnosis": diagnosis, "bands": bands,
+        }  # fmt: skip
 
     def save(self) -> None:
         """Write ``bench.json``."""
@@ -260,12 +255,9 @@ def commands(session: Session, pad: str) -> str:
     fit = ["qlvbayes", "fit", data, "--pads", pad, "--all-tests"]
     fit += ["--elastic", state.elastic, "--relaxation", state.relaxation]
     fit += [word for name in state.effects for word in ("--add", name)]
-    lines += [
-        [*fit, "-o", "out"],
-        ["qlvbayes", "check", "out"],
-        ["qlvbayes", "diagnose", data, "--pads", pad, "-o", "out"],
-        ["qlvbayes", "report", "out"],
-    ]
+    diagnose = ["qlvbayes", "diagnose", data, "--pads", pad, "-o", "out"]
+    check, report = (["qlvbayes", command, "out"] for command in ("check", "report"))
+    lines += [[*fit, "-o", "out"], check, diagnose, report]
     return "\n".join(as_typed(*words) for words in lines) + "\n"
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +19,11 @@ from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Progress, Settings
 from qlvbayes.fitting.results import record_run
 from qlvbayes.io.catalogue import METHODS
-from qlvbayes.io.data import read_measurements
+from qlvbayes.io.data import Measurements, read_measurements
 from qlvbayes.io.wording import as_typed
 from qlvbayes.model.choices import Choices
 from qlvbayes.pipeline.source import alone
-from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, Watcher
+from qlvbayes.pipeline.steps import CheckStep, DiagnoseStep, FitStep, Step, Watcher
 from qlvbayes.report.page import write_report
 
 NICE = 5
@@ -94,13 +94,12 @@ class ProgressReporter(Watcher):
     def _beat(self) -> None:
         while not self._over.wait(_BEAT):
             now = time.monotonic()
-            line: dict[str, Any] = {"text": self._text, "elapsed_s": round(now - self._began, 1)}
-            line |= {"done": None, "total": None, "left_s": None}
+            done = total = left = None
             if self._sampling is not None:
                 began, done, total = self._sampling
                 left = round((now - began) * (total - done) / done, 1) if done else None
-                line |= {"done": done, "total": total, "left_s": left}
-            self._report(line)
+            told = {"text": self._text, "elapsed_s": round(now - self._began, 1)}
+            self._report(told | {"done": done, "total": total, "left_s": left})
 
 
 def diagnose(
@@ -108,31 +107,42 @@ def diagnose(
 ) -> None:
     """Diagnose a pad of the measurements ``data`` into the folder of results ``out``."""
     study, thresholds = read_measurements(data), DiagnosisSettings()
-    choices = Choices(bonded=study.units.bonded_default, effects_file=effects_file)
-    step = DiagnoseStep(choices, 0, thresholds)
-    step.run(Path(out) / pad, alone(study, study.pad(pad)), watcher)
-    words = _command("diagnose", data, pad, choices)
-    record_run(Path(out), "diagnose", words, study, choices, 0, {"thresholds": thresholds})
+    choices = choices_of(None, study.units.bonded_default, effects_file)
+    steps = (DiagnoseStep(choices, 0, thresholds),)
+    _run(watcher, out, study, pad, steps, choices, [], {"thresholds": thresholds})
 
 
 def sample(
-    watcher: Watcher,
-    out: str,
-    data: str,
-    pad: str,
-    effects_file: str | None,
+    watcher: Watcher, out: str, data: str, pad: str, effects_file: str | None,
     model: dict[str, Any] | None,
-) -> None:
+) -> None:  # fmt: skip
     """Sample the posterior of a model on the bench, by default the commands' own, and check it."""
     study, settings = read_measurements(data), Settings()
     choices = choices_of(model, study.units.bonded_default, effects_file)
-    for step in (FitStep(choices, all_tests=True, settings=settings), CheckStep()):
-        step.run(Path(out) / pad, alone(study, study.pad(pad)), watcher)
+    steps = (FitStep(choices, all_tests=True, settings=settings), CheckStep())
     chosen = ["--elastic", choices.elastic, "--relaxation", choices.relaxing, "--all-tests"]
     chosen += [word for effect in choices.effects for word in ("--add", effect)]
-    words = _command("fit", data, pad, choices, *chosen)
     used = {"method": METHODS[0], "all_tests": True, "sampler": settings}
-    record_run(Path(out), "fit", words, study, choices, 0, used)
+    _run(watcher, out, study, pad, steps, choices, chosen, used)
+
+
+def _run(
+    watcher: Watcher,
+    out: str,
+    study: Measurements,
+    pad: str,
+    steps: Sequence[Step],
+    choices: Choices,
+    chosen: Sequence[str],
+    used: dict[str, Any],
+) -> None:
+    """Run steps of a pad, and record the command line that does the same."""
+    for step in steps:
+        step.run(Path(out) / pad, alone(study, study.pad(pad)), watcher)
+    words = ["qlvbayes", steps[0].name, Path(study.source).name, "--pads", pad, *chosen]
+    words += ["--effects-file", choices.effects_file] if choices.effects_file else []
+    command = as_typed(*words, "-o", ".")
+    record_run(Path(out), steps[0].name, command, study, choices, 0, used)
 
 
 def report(watcher: Watcher, out: str) -> None:
@@ -148,19 +158,9 @@ def choices_of(model: dict[str, Any] | None, bonded: bool, effects_file: str | N
         return default
     relaxation, _, modes = model["relaxation"].partition(":")
     return replace(
-        default,
-        elastic=model["elastic"],
-        relaxation=relaxation,
-        modes=int(modes) if modes else default.modes,
-        effects=tuple(model["effects"]),
-    )
-
-
-def _command(step: str, data: str, pad: str, choices: Choices, *chosen: str) -> str:
-    """Return the command line that does the same."""
-    words = ["qlvbayes", step, Path(data).name, "--pads", pad, *chosen]
-    words += ["--effects-file", choices.effects_file] if choices.effects_file else []
-    return as_typed(*words, "-o", ".")
+        default, elastic=model["elastic"], relaxation=relaxation,
+        modes=int(modes) if modes else default.modes, effects=tuple(model["effects"]),
+    )  # fmt: skip
 
 
 def _call(do: Callable[..., None]) -> Callable[..., dict[str, Any]]:

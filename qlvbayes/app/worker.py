@@ -81,34 +81,35 @@ class RequestThread:
                 self._waiting.append(self.arrived.get())
                 block = False
             if self._waiting:
-                self._answer(self._waiting.popleft())
+                request = self._waiting.popleft()
+                self._go_on(request, self._work(request))
             else:
-                request, pieces = self._pieces.popleft()
-                self._reply(request, partial(next, pieces), pieces)
+                self._go_on(*self._pieces.popleft())
 
-    def _answer(self, request: Request) -> None:
+    def _work(self, request: Request) -> Pieces:
+        """Yield None while there is more to do, and at last the answer."""
+        if self._overtaken(request):
+            raise refused(409, "overtaken")
         arguments = request["arguments"]
         if request["reports"]:
             arguments["report"] = partial(self._send, request["number"], "progress")
-        self._reply(request, lambda: self._calls[request["call"]](**arguments))
+        answer = self._calls[request["call"]](**arguments)
+        if isinstance(answer, Iterator):
+            yield None  # other calls come first
+            yield from answer
+        yield {} if answer is None else answer
 
-    def _reply(
-        self, request: Request, work: Callable[[], Any], pieces: Pieces | None = None
-    ) -> None:
-        """Send the answer or the error of some work, or note the work as one to be continued."""
+    def _go_on(self, request: Request, pieces: Pieces) -> None:
+        """Do a piece of some work; send the answer or the error, if it is the last."""
         try:
-            if self._overtaken(request):
-                raise refused(409, "overtaken")
-            answer = work()
+            answer = next(pieces)
         except Exception as error:  # one bad call must not end the worker
             if not isinstance(error, RefusedError):
                 status = 422 if isinstance(error, InputError) else 500
                 error = RefusedError(status, content_of(error))
             self._send(request["number"], "error", {"status": error.status, "error": error.content})
             return
-        if isinstance(answer, Iterator):
-            self._pieces.append((request, answer))
-        elif pieces is not None and answer is None:
+        if answer is None:
             self._pieces.append((request, pieces))
         else:
             self._send(request["number"], "answer", answer)

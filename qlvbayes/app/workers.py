@@ -53,12 +53,8 @@ class Worker:
     ) -> bytes:
         """Return the answer to a call, as JSON; raise RefusedError where it is an error."""
         number, future = next(self._numbers), asyncio.get_running_loop().create_future()
-        line = {
-            "number": number,
-            "call": name,
-            "arguments": arguments,
-            "reports": on_progress is not None,
-        }
+        line = {"number": number, "call": name, "arguments": arguments}
+        line["reports"] = on_progress is not None
         self._calls[number] = future, on_progress
         assert self._process.stdin is not None
         try:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import counting, out, table
-from qlvbayes.cli.options import AsJson, Seed, WorkOptions, split_names, with_groups
+from qlvbayes.cli.options import WorkOptions, split_names
 from qlvbayes.cli.settings import share_of
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.files import results_folder, write_json
@@ -20,59 +19,20 @@ if TYPE_CHECKING:
     from qlvbayes.evaluation.table import EffectRow
 
 
-@with_groups
 def benchmark(
-    file: Annotated[
-        Path | None,
-        typer.Argument(
-            help="Measurements, whose pad, noise and tests are simulated. Default: pad B of the "
-            "paper, correlated noise, the paper's tests.",
-            show_default=False,
-        ),
-    ] = None,
-    pad: Annotated[
-        str,
-        typer.Option(
-            "--pads",
-            "--pad",
-            "--specimen",
-            help="The pad of FILE, by default the only one; without FILE a pad of 'simulate "
-            "--pads', by default B.",
-        ),
-    ] = "",
-    programme: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A test in words, as 'ramp 1.6 mm at 20 mm/s, hold 30 s', in place of those of "
-            "FILE; repeatable.",
-            show_default=False,
-        ),
-    ] = None,
-    noise: Annotated[
-        str,
-        typer.Option(
-            "--load-cell", "--noise", help="Without FILE: a noise of 'simulate --load-cell'."
-        ),
-    ] = "correlated",
-    bonded: Annotated[
-        bool, typer.Option("--bonded/--loose", help="Whether the pad is fixed and can pull.")
-    ] = False,
-    effects: Annotated[
-        str, typer.Option(help="Hide only these, as 'friction,inertia'. Default: all.")
-    ] = "",
-    size: Annotated[
-        str, typer.Option(help="Largest force of the effect over the pad's, as '6%' or '0.06'.")
-    ] = "6%",
-    each: Annotated[
-        int, typer.Option(min=1, help="Pads simulated for each effect, and for nothing.")
-    ] = 5,
-    seed: Seed = 0,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
-        "benchmark"
-    ),
+    file: Path | None = None,
+    pad: str = "",
+    programme: list[str] | None = None,
+    noise: str = "correlated",
+    bonded: bool = False,
+    effects: str = "",
+    size: str = "6%",
+    each: int = 5,
+    seed: int = 0,
+    output: Path = Path("benchmark"),
     *,
     work: WorkOptions,
-    as_json: AsJson = False,
+    as_json: bool = False,
 ) -> None:
     """Say how often each effect would be named, with your pad, your noise and your tests.
 
@@ -82,6 +42,19 @@ def benchmark(
 
     Leaves OUT/benchmark.json. Of parts (--shard) the pads are kept; the same command without it
     then counts all of them.
+
+    Options:
+    file FILE: Measurements, whose pad, noise and tests are simulated. Default: pad B of the paper,
+        correlated noise, the paper's tests.
+    pad --pads --pad --specimen: The pad of FILE, by default the only one; without FILE a pad of
+        'simulate --pads', by default B.
+    programme: A test in words, as 'ramp 1.6 mm at 20 mm/s, hold 30 s', in place of those of FILE;
+        repeatable.
+    noise --load-cell --noise: Without FILE: a noise of 'simulate --load-cell'.
+    bonded --bonded/--loose: Whether the pad is fixed and can pull.
+    effects: Hide only these, as 'friction,inertia'. Default: all.
+    size: Largest force of the effect over the pad's, as '6%' or '0.06'.
+    each 1..: Pads simulated for each effect, and for nothing.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.evaluation.store import Store, run_missing, store_path
@@ -137,15 +110,11 @@ def _session(file: Path | None, name: str, noise: str, *, bonded: bool) -> RigSe
 def effects_table(found: list[EffectRow], size: float) -> Table:
     """Return one row an effect, with the bounds of the share in which the verdict is right."""
     title = f"pads that hide one effect of {100 * size:g} % of the peak force, or nothing"
-    made = table(
-        title, "hidden", ">size", ">pads", ">named", ">95 % bounds", ">in a group",
-        ">another named", ">none named", ">failed",
-    )  # fmt: skip
+    counted = (">in a group", ">another named", ">none named", ">failed")
+    made = table(title, "hidden", ">size", ">pads", ">named", ">95 % bounds", *counted)
     for row in found:
         low, high = (f"{100 * x:.0f}" for x in row.bounds)
         counts = (str(x) if x else "" for x in (row.grouped, row.wrong, row.silent, row.failed))
-        made.add_row(
-            row.effect, f"{100 * row.share:.1f} %", str(row.pads), str(row.named),
-            f"{low} to {high} %", *counts,
-        )  # fmt: skip
+        share, named = f"{100 * row.share:.1f} %", (str(row.pads), str(row.named))
+        made.add_row(row.effect, share, *named, f"{low} to {high} %", *counts)
     return made

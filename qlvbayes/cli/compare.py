@@ -7,12 +7,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from qlvbayes.cli.console import out
-from qlvbayes.cli.options import AsJson, Data, Seed, among, known_names, positive_values
+from qlvbayes.cli.options import among, known_names, positive_values
 from qlvbayes.io.checks import InputError
 
 if TYPE_CHECKING:
@@ -21,52 +19,32 @@ if TYPE_CHECKING:
 
 
 def compare(
-    folders: Annotated[
-        list[Path],
-        typer.Argument(
-            help="The folder that 'fit' or 'study' wrote, or several; results go to the first.",
-            metavar="OUT",
-        ),
-    ],
-    pads: Annotated[
-        str,
-        typer.Option(
-            "--pads",
-            "--pad",
-            help="Two or more pads, as 'B,C'; each pair is compared. Default: all.",
-        ),
-    ] = "",
-    fluids: Annotated[
-        bool | None,
-        typer.Option(
-            "--fluids/--specimens",
-            help="Compare fluids, with the spread between specimens, or single pads. Default: "
-            "fluids where two of them have two specimens or more.",
-        ),
-    ] = None,
-    region: Annotated[
-        float, typer.Option(help="Ratios from 1/(1 + region) to 1 + region count as equal.")
-    ] = 0.1,
-    depth: Annotated[
-        float | None,
-        typer.Option(help="Depth (first pad's unit). Default: a round one that all tests reach."),
-    ] = None,
-    rates: Annotated[
-        str,
-        typer.Option(help="Rates (first pad's unit), as '0.1,1,30'. Default: of the tests' range."),
-    ] = "",
-    frequencies: Annotated[
-        str, typer.Option(help="Frequencies (Hz), as '0.1,1'. Default: of the tests' range.")
-    ] = "",
-    data: Data = None,
-    seed: Seed = 0,
-    as_json: AsJson = False,
+    folders: list[Path],
+    pads: str = "",
+    fluids: bool | None = None,
+    region: float = 0.1,
+    depth: float | None = None,
+    rates: str = "",
+    frequencies: str = "",
+    data: Path | None = None,
+    seed: int = 0,
+    as_json: bool = False,
 ) -> None:
     """Compare pads or fluids: every constant, stiffness, forces, times, lost energy, loss tangent.
 
     Each with its difference and ratio, 90 % intervals, the probability of the direction and of
     practical equivalence, and the answer: greater, less, equal, or cannot tell. Leaves
     OUT/compare/B-vs-C/compare.json, .csv, .tex, .txt and the figure contrasts (PNG and PDF).
+
+    Options:
+    folders OUT: The folder that 'fit' or 'study' wrote, or several; results go to the first.
+    pads --pads --pad: Two or more pads, as 'B,C'; each pair is compared. Default: all.
+    fluids --fluids/--specimens: Compare fluids, with the spread between specimens, or single pads.
+        Default: fluids where two of them have two specimens or more.
+    region: Ratios from 1/(1 + region) to 1 + region count as equal.
+    depth: Depth (first pad's unit). Default: a round one that all tests reach.
+    rates: Rates (first pad's unit), as '0.1,1,30'. Default: of the tests' range.
+    frequencies: Frequencies (Hz), as '0.1,1'. Default: of the tests' range.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.tables import contrasts_table
@@ -131,18 +109,13 @@ def _pairs(
     if fluids is None:
         fluids = not named and bool(fluid_pairs(fits))
     if not (fluids or named) and len(fits) > MOST_ON_A_PAGE:
-        raise InputError(
-            f"{len(fits)} pads make {math.comb(len(fits), 2)} pairs",
-            file=folder,
-            remedy="name those that matter, as --pads A,B",
-        )
+        what = f"{len(fits)} pads make {math.comb(len(fits), 2)} pairs"
+        raise InputError(what, file=folder, remedy="name those that matter, as --pads A,B")
     pairs = fluid_pairs(fits) if fluids else pad_pairs(fits)
     if pairs:
         return pairs
+    what, remedy = "one fit alone", "fit another pad into this folder"
     if fluids:
-        raise InputError(
-            "no two fluids have two specimens or more each: how much specimens differ is unknown",
-            file=folder,
-            remedy="compare single pads with --specimens, or add a fluid column and more pads",
-        )
-    raise InputError("one fit alone", file=folder, remedy="fit another pad into this folder")
+        what = "no two fluids have two specimens or more each: how much specimens differ is unknown"
+        remedy = "compare single pads with --specimens, or add a fluid column and more pads"
+    raise InputError(what, file=folder, remedy=remedy)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
 from rich.table import Table
 
 from qlvbayes.cli.console import out, table
-from qlvbayes.cli.options import AsJson, Data, Pads, Seed, known_names, positive_values, split_names
-from qlvbayes.io.catalogue import MOST_TESTS
+from qlvbayes.cli.options import known_names, positive_values, split_names
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.wording import plain
 
@@ -23,29 +21,15 @@ _FILES = ("posterior.nc", "diagnosis.json")
 
 
 def design(
-    folder: Annotated[Path, typer.Argument(help="The folder that 'study' or 'fit' wrote.")],
-    pads: Pads = "",
-    wanted: Annotated[
-        str,
-        typer.Option(
-            "--for",
-            help="Constants to be known better, as 'm,b'; 'cause' to distinguish the explanations "
-            "that the diagnosis left; or both. Default: all that is not known.",
-        ),
-    ] = "",
-    minutes: Annotated[float, typer.Option(help="Of rig time, pauses too, at most.")] = 10.0,
-    tests: Annotated[int, typer.Option(min=1, max=MOST_TESTS, help="At most.")] = 3,
-    limits: Annotated[
-        str,
-        typer.Option(
-            "--limits",
-            help="Of the rig, in the file's units, as 'depth=2,speed=50,acceleration=1000'. "
-            "Default: as tested.",
-        ),
-    ] = "",
-    data: Data = None,
-    seed: Seed = 0,
-    as_json: AsJson = False,
+    folder: Path,
+    pads: str = "",
+    wanted: str = "",
+    minutes: float = 10.0,
+    tests: int = 3,
+    limits: str = "",
+    data: Path | None = None,
+    seed: int = 0,
+    as_json: bool = False,
 ) -> None:
     """Propose the most informative tests, and write their set-points.
 
@@ -54,6 +38,15 @@ def design(
     that they are expected to give.
     Leaves OUT/<pad>/design.json, set_points.csv (1 000 a second, for the rig and for 'check
     --program') and the figure design.
+
+    Options:
+    folder FOLDER: The folder that 'study' or 'fit' wrote.
+    wanted --for: Constants to be known better, as 'm,b'; 'cause' to distinguish the explanations
+        that the diagnosis left; or both. Default: all that is not known.
+    minutes: Of rig time, pauses too, at most.
+    tests 1..5: At most.
+    limits: Of the rig, in the file's units, as 'depth=2,speed=50,acceleration=1000'. Default: as
+        tested.
     """
     # imported here, so that the help does not wait for them
     from qlvbayes.cli.terminal import Terminal, show_figures
@@ -61,15 +54,17 @@ def design(
 
     watcher = Terminal(quiet=as_json)
     results, figures = [], []
-    for name in _pads(folder, pads):
+    known = sorted({path.parent.name for name in _FILES for path in folder.glob(f"*/{name}")})
+    if not known:
+        raise InputError("no results in this folder", file=folder, remedy="run qlvbayes study")
+    for name in known_names(pads, known, folder, "results") or known:
         result, figure = design_into(
             folder, name, split_names(wanted), minutes=minutes, tests=tests, data=data,
             seed=seed, watcher=watcher, **_limits(limits),
         )  # fmt: skip
         figures.append(figure)
         results.append(result)
-        for notice in result.notices:
-            watcher.notice(f"pad {name}: {notice}")
+        watcher.notice(*(f"pad {name}: {notice}" for notice in result.notices))
     if as_json:
         print(json.dumps([one.as_dict() for one in results], allow_nan=False))
         return
@@ -88,17 +83,6 @@ def _limits(text: str) -> dict[str, float]:
         check_known("limit", name, _LIMITS)
         (found[name],) = positive_values(f"--limits {name}", value or "0", "2")
     return found
-
-
-def _pads(folder: Path, names: str) -> list[str]:
-    """Return the pads asked for, or all that have a fit or a diagnosis.
-
-    Raise InputError where there is none.
-    """
-    known = sorted({path.parent.name for name in _FILES for path in folder.glob(f"*/{name}")})
-    if not known:
-        raise InputError("no results in this folder", file=folder, remedy="run qlvbayes study")
-    return known_names(names, known, folder, "results") or known
 
 
 def _tests(plan: NextTests) -> Table:

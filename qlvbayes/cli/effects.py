@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from qlvbayes.cli.console import out, table
-from qlvbayes.cli.options import AsJson
 from qlvbayes.io.units import PAD
 
 if TYPE_CHECKING:
@@ -22,27 +19,18 @@ if TYPE_CHECKING:
 
 
 def effects(
-    name: Annotated[
-        str, typer.Argument(help="Only this effect and its other forms.", show_default=False)
-    ] = "",
-    laws: Annotated[
-        bool, typer.Option("--laws", help="List elastic laws and relaxations, with their source.")
-    ] = False,
-    own: Annotated[
-        Path | None,
-        typer.Option(
-            "--effects-file",
-            "--laws-file",
-            help="A Python file with effects of your own, or with --laws with laws.",
-            show_default=False,
-        ),
-    ] = None,
-    as_json: AsJson = False,
+    name: str = "", laws: bool = False, own: Path | None = None, as_json: bool = False
 ) -> None:
     """List the effects by family, with law, constants and what one would see.
 
     Below each effect are its other forms. Those that name no physical cause come last. An effect
     that acts off the pad adds a force also where the platen does not touch it.
+
+    Options:
+    name NAME: Only this effect and its other forms.
+    laws: List elastic laws and relaxations, with their source.
+    own --effects-file --laws-file: A Python file with effects of your own, or with --laws with
+        laws.
     """
     # imported here, so that the help does not wait for it
     from qlvbayes.model.choices import Choices

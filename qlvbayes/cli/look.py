@@ -9,14 +9,14 @@ from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
 from qlvbayes.cli.console import err, out, table, waiting
-from qlvbayes.cli.options import AsJson, InputOptions, converted, split_names, with_groups
+from qlvbayes.cli.options import InputOptions, converted, split_names
 from qlvbayes.cli.settings import StudySettings
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.wording import as_typed, plain
@@ -31,28 +31,8 @@ if TYPE_CHECKING:
 _STYLES = {"yes": "green", "hardly": "yellow", "no": "red"}
 
 
-@with_groups
 def look(
-    inputs: InputOptions,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="Folder for look.json and the pictures; or a .csv or .csv.gz file, to make "
-            "machines' files tidy. Without it nothing is written.",
-        ),
-    ] = None,
-    *,
-    cause: Annotated[
-        bool,
-        typer.Option(
-            "--cause",
-            help="Fit the plain model once, and print a first guess of what it misses, learnt from "
-            "simulated pads; 'diagnose' decides.",
-        ),
-    ] = False,
-    as_json: AsJson = False,
+    inputs: InputOptions, output: Path | None = None, *, cause: bool = False, as_json: bool = False
 ) -> None:
     """Look at measurements before anything is fitted: what is in them, and what they can show.
 
@@ -67,6 +47,12 @@ def look(
     picture next to it. Layouts are recognised by the files' first bytes; sign, zero, units,
     sampling, dropped rows and clocks are determined and reported. What a file leaves open is asked
     on a terminal, and refused in a pipe.
+
+    Options:
+    output -o --output: Folder for look.json and the pictures; or a .csv or .csv.gz file, to make
+        machines' files tidy. Without it nothing is written.
+    cause: Fit the plain model once, and print a first guess of what it misses, learnt from
+        simulated pads; 'diagnose' decides.
     """
     if output is not None and output.name.lower().endswith((".csv", ".csv.gz")):
         _make_tidy(inputs, output, as_json=as_json)
@@ -74,14 +60,11 @@ def look(
     # imported here, so that the help does not wait for them
     from qlvbayes.motion.experiment import prepare
     from qlvbayes.motion.pad import arguments_of, refuse_unknown
-    from qlvbayes.pipeline.looking import look_into
+    from qlvbayes.report.firstlook.looking import look_into
 
-    chosen = inputs.chosen
-    source = inputs.source()
+    chosen, source = inputs.chosen, inputs.source()
     studies, refused = _studies(source)
     parts, gaps = chosen["use"], chosen["leave-out"]
-    if not studies and not refused:
-        raise source.refusal
     if studies:
         refuse_unknown([pad for one in studies for pad in one.pads], parts, gaps)
     if studies and not as_json:
@@ -91,12 +74,23 @@ def look(
         folder = output
         if output is not None and len(studies) > 1:
             folder = output / Path(study.source).stem
+        files: tuple[str, ...] = (study.source,)
+        commands: tuple[str, ...]
         arguments = [*arguments_of(study.pads, parts, gaps), *_of_specimen(chosen)]
+        if source.conversion is None:
+            commands = (_study_of(study.source, arguments),)
+        else:
+            files = tuple(dict.fromkeys(str(test.file) for test in source.conversion.tests))
+            named = ["--pad", inputs.pad_words] if inputs.pad_words else []
+            reading = [*files, *named, *chosen.arguments()]
+            commands = (
+                as_typed("qlvbayes", "look", *reading, "-o", "tidy.csv"),
+                as_typed("qlvbayes", "study", *reading, *arguments, "-o", "results"),
+            )
         with waiting("looking"):
             seen, figures = look_into(
                 folder, study, study.pads, prepared=partial(prepare, **chosen.readings),
-                bonded=chosen["bonded"], files=_files(study, source),
-                next_commands=_next(inputs, source, study, arguments),
+                bonded=chosen["bonded"], files=files, next_commands=commands,
             )  # fmt: skip
         looks.append(seen)
         if not as_json:
@@ -197,32 +191,10 @@ def _print_guesses(study: Measurements, inputs: InputOptions, *, as_json: bool) 
         (err if as_json else out).print(f"pad {pad.name}: {guess.sentence}", soft_wrap=True)
 
 
-def _files(study: Measurements, source: Source) -> tuple[str, ...]:
-    """Return the files that measurements came from."""
-    if source.conversion is None:
-        return (study.source,)
-    return tuple(dict.fromkeys(str(test.file) for test in source.conversion.tests))
-
-
 def _of_specimen(chosen: StudySettings) -> list[str]:
     """Return the options that say how the specimen is held and which readings count."""
     held = {None: [], True: ["--bonded"], False: ["--loose"]}[chosen["bonded"]]
     return [*held, *["--keep-all-readings"] * bool(chosen["keep-all-readings"])]
-
-
-def _next(
-    inputs: InputOptions, source: Source, study: Measurements, arguments: Sequence[str]
-) -> tuple[str, ...]:
-    """Return the commands to go on with, as they are typed."""
-    if source.conversion is None:
-        return (_study_of(study.source, arguments),)
-    files = _files(study, source)
-    pads = ["--pad", inputs.pad_words] if inputs.pad_words else []
-    reading = [*files, *pads, *inputs.chosen.arguments()]
-    return (
-        as_typed("qlvbayes", "look", *reading, "-o", "tidy.csv"),
-        as_typed("qlvbayes", "study", *reading, *arguments, "-o", "results"),
-    )
 
 
 def _study_of(file: str, arguments: Sequence[str], folder: Path = Path()) -> str:
@@ -274,16 +246,12 @@ def _tests(pad: PadSeen, units: UnitSystem) -> Table:
         *[">left out"] * left,
     )  # fmt: skip
     for test in pad.tests:
+        rate = "" if test.rate is None else plain(test.rate)
+        interval = test.sampling.replace(" rows", "").replace(" a row", "")
         made.add_row(
-            test.test,
-            test.role,
-            "" if test.rate is None else plain(test.rate),
-            plain(test.depth),
-            plain(test.peak),
-            phases_in_words(test.phases),
-            test.sampling.replace(" rows", "").replace(" a row", ""),
-            *([str(test.left_out) if test.left_out else ""] if left else []),
-        )
+            test.test, test.role, rate, plain(test.depth), plain(test.peak),
+            phases_in_words(test.phases), interval, *[str(test.left_out or "")] * left,
+        )  # fmt: skip
     return made
 
 
@@ -291,10 +259,6 @@ def _shown(title: str, shown: Sequence[Shown]) -> Table:
     made = table(title, "part of the model", "shown", "because", "what would show it")
     for one in shown:
         names = ", ".join(name for name in (*one.constants, *one.effects) if name != one.about)
-        made.add_row(
-            f"{one.about} ({names})" if names else one.about,
-            Text(one.answer, style=_STYLES[one.answer]),
-            one.reason,
-            one.remedy,
-        )
+        about = f"{one.about} ({names})" if names else one.about
+        made.add_row(about, Text(one.answer, style=_STYLES[one.answer]), one.reason, one.remedy)
     return made

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from qlvbayes import __version__
-from qlvbayes.cli.options import Command
+from qlvbayes.cli.options import OPTIONS, Command, with_options
 from qlvbayes.io.files import bundled
 from qlvbayes.io.wording import as_typed, joined, visible
 from qlvbayes.parallel.running import FailedError, fault_of
@@ -47,7 +47,8 @@ def application(names: Iterable[str] = tuple(COMMANDS)) -> typer.Typer:
     app = _empty_application()
     for name in names:
         command = getattr(import_module(f"qlvbayes.cli.{COMMANDS[name]}"), name)
-        app.command(name, cls=Command, help=_help(name, inspect.getdoc(command) or ""))(command)
+        text = _help(name, inspect.getdoc(command) or "")
+        app.command(name, cls=Command, help=text)(with_options(command))
     return app
 
 
@@ -56,6 +57,7 @@ def _help(name: str, text: str) -> str:
 
     FIGURES stands for the names of the figures that the command leaves in the folder of each pad.
     """
+    text = text.partition(OPTIONS)[0].strip()
     text = text.replace("FIGURES", joined([one.name for one in figures_of(name)]))
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
 
@@ -69,8 +71,8 @@ def overview() -> typer.Typer:
     for name, module in COMMANDS.items():
         tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
         functions = (one for one in tree.body if isinstance(one, ast.FunctionDef))
-        text = next(ast.get_docstring(one) for one in functions if one.name == name)
-        app.command(name, help=text)(lambda: None)
+        text = next(ast.get_docstring(one) for one in functions if one.name == name) or ""
+        app.command(name, help=text.partition(OPTIONS)[0].strip())(lambda: None)
     return app
 
 

@@ -1,16 +1,22 @@
 """Define options that several commands share, and the class of all commands.
 
-What their help does not need is imported where it is used: a model takes seconds to import.
+An option is a parameter of its command's function. Its help stands in the function's docstring,
+below ``Options:``, a line ``parameter WORDS: help`` each: words that begin with a dash are the
+option's names, ``0..9`` is its range, and one in capitals makes it an argument called so. A
+parameter that is a dataclass stands for options that its fields are.
+
+What the help does not need is imported where it is used: a model takes seconds to import.
 """
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, is_dataclass
 from functools import cached_property, wraps
-from inspect import Parameter, signature
+from inspect import Parameter, getdoc, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,75 +36,20 @@ if TYPE_CHECKING:
     from qlvbayes.pipeline.source import Source
 
 STYLE = "--style FILE: a Matplotlib style file (.mplstyle) for the figures, over the package's own."
-Pads = Annotated[str, typer.Option("--pads", "--pad", help="Only these pads, as 'B,C'.")]
-OnePad = Annotated[str, typer.Option("--pads", "--pad", help="The pad. Default: the only one.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Files = Annotated[
-    list[Path] | None,
-    typer.Argument(
-        help="Measurements: tidy .csv or .csv.gz files, or as testing machines write them; files, "
-        "or folders of them. Pads of several tidy files are named after their files; machines' "
-        "files are tests of one pad.",
-        metavar="FILE",
-        show_default=False,
-    ),
-]
-PadsRead = Annotated[
-    str,
-    typer.Option(
-        "--pads",
-        "--pad",
-        help="Only these pads, as 'B,C'; of machines' files, which name none, the pads' names: one "
-        "for all, one a file, or one a test.",
-    ),
-]
-SettingsFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--settings",
-        help="A study.toml, as 'study' writes it: any of the settings below, files and pads.",
-        show_default=False,
-    ),
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="A setting, as 'sign=force', in place of --sign force; repeatable."),
-]
-Fitted = Annotated[Path, typer.Argument(help="The folder that 'fit' or 'study' wrote.")]
-Out = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
-Data = Annotated[
-    Path | None,
-    typer.Option(
-        help="The measurements, if they have moved since the fit: file or folder.",
-        show_default=False,
-    ),
-]
-EffectsFile = Annotated[
-    Path | None, typer.Option(help="A Python file with effects of your own.", show_default=False)
-]
-Jobs = Annotated[
-    str,
-    typer.Option(
-        "--jobs",
-        "--cluster",
-        help="Processes that work side by side, each at a pad of its own; 0: as many as cores; or "
-        "the address of a Dask scheduler whose workers do it, as tcp://HOST:8786. Results do not "
-        "depend on it.",
-    ),
-]
-ShardText = Annotated[
-    str | None,
-    typer.Option(
-        "--shard",
-        help="Do one part of many, as 3/200, or in an array of SLURM as slurm; 'report --gather' "
-        "then makes what is made of all.",
-        show_default=False,
-    ),
-]
-Seed = Annotated[int, typer.Option(min=0, help="Makes a run repeat.")]
-SettingsSeed = Annotated[
-    int | None, typer.Option(min=0, help="Makes a run repeat. Default: that of the settings, or 0.")
-]
+OPTIONS = "Options:\n"
+"""Head of the part of a docstring that has the help of the options."""
+_SHARED = """Options:
+folder FOLDER: The folder that 'fit' or 'study' wrote.
+output -o --output: Folder for the results.
+pads --pads --pad: Only these pads, as 'B,C'.
+data: The measurements, if they have moved since the fit: file or folder.
+seed 0..: Makes a run repeat.
+as_json --json: Print JSON.
+jobs --jobs --cluster: Processes that work side by side, each at a pad of its own; 0: as many as
+    cores; or the address of a Dask scheduler whose workers do it, as tcp://HOST:8786. Results do
+    not depend on it.
+"""
+_ENTRY = re.compile(r"(\w+)((?: [^\s:]+)*): (.*)")
 
 
 class Command(TyperCommand):
@@ -125,40 +76,87 @@ class Command(TyperCommand):
         return super().parse_args(ctx, expanded(self.name or "", left))
 
 
-def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with one option for each field of those parameters that are dataclasses."""
-    own = signature(command, eval_str=True)
-    kinds: dict[str, Any] = {name: one.annotation for name, one in own.parameters.items()}
-    grouped = [name for name, kind in kinds.items() if is_dataclass(kind)]
-    groups = {name: signature(kinds[name], eval_str=True).parameters for name in grouped}
-    single = [
-        option.replace(kind=Parameter.KEYWORD_ONLY)
-        for name, one in own.parameters.items()
-        for option in groups.get(name, {name: one}).values()
-    ]
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a function with the options that a command's signature and docstring describe."""
+    scope = sys.modules[command.__module__].__dict__
+    groups: dict[str, tuple[Any, list[str]]] = {}
+    single: list[Parameter] = []
+    for name, one in signature(command, eval_str=True).parameters.items():
+        kind: Any = one.annotation
+        if is_dataclass(one.annotation):
+            fields = signature(kind, eval_str=True).parameters.values()
+            groups[name] = kind, [field.name for field in fields]
+            single += [_described(field, _entries(kind), {}) for field in fields]
+        else:
+            single.append(_described(one, _entries(command), scope))
 
     @wraps(command)
     def run(**given: Any) -> None:
-        for name, options in groups.items():
-            values = {option: given.pop(option) for option in options}
-            given[name] = kinds[name](**values)
+        for name, (kind, fields) in groups.items():
+            given[name] = kind(**{field: given.pop(field) for field in fields})
         command(**given)
 
-    run.__signature__ = own.replace(parameters=single)  # type: ignore[attr-defined]
+    run.__signature__ = signature(command, eval_str=True).replace(parameters=single)  # type: ignore[attr-defined]
     run.__annotations__ = {one.name: one.annotation for one in single}
     return run
 
 
+def _entries(of: Any) -> dict[str, tuple[list[str], str]]:
+    """Return the words and the help of each option in a docstring, or of those that all share."""
+    found: dict[str, tuple[list[str], str]] = {}
+    for text in (_SHARED, getdoc(of) or ""):
+        for line in text.partition(OPTIONS)[2].splitlines():
+            if match := _ENTRY.fullmatch(line):
+                name = match[1]
+                found[name] = match[2].split(), match[3]
+            else:
+                found[name] = found[name][0], f"{found[name][1]} {line.strip()}"
+    return found
+
+
+def _described(
+    one: Parameter, entries: dict[str, tuple[list[str], str]], scope: Mapping[str, Any]
+) -> Parameter:
+    """Return a parameter as typer takes it; ``{NAME}`` in its help is a list of the module."""
+    words, text = entries[one.name]
+    for name in re.findall(r"\{(\w+)\}", text):
+        several = scope[name] if isinstance(scope[name], str) else ", ".join(scope[name])
+        text = text.replace(f"{{{name}}}", several)
+    metavar = next((word for word in words if word.isupper()), None)
+    if metavar is not None:
+        own = None if metavar.lower() == one.name else metavar
+        info: Any = typer.Argument(help=text, metavar=own, show_default=False)
+    else:
+        names = [word for word in words if word.startswith("-")]
+        if not names and one.annotation is bool:
+            names = [f"--{one.name.replace('_', '-')}"]
+        low, _, high = next((word for word in words if ".." in word), "").partition("..")
+        info = typer.Option(
+            *names, help=text, min=int(low) if low else None, max=int(high) if high else None,
+            show_default=one.default not in (None, ""),
+        )  # fmt: skip
+    return one.replace(kind=Parameter.KEYWORD_ONLY, annotation=Annotated[one.annotation, info])
+
+
 @dataclass(frozen=True)
 class WorkOptions:
-    """Options that say which workers do the work, and which part of it."""
+    """Options that say which workers do the work, and which part of it.
 
-    jobs: Jobs = "1"
-    shard: ShardText = None
+    Options:
+    shard: Do one part of many, as 3/200, or in an array of SLURM as slurm; 'report --gather' then
+        makes what is made of all.
+    """
+
+    jobs: str = "1"
+    shard: str | None = None
 
     def engine(self) -> AbstractContextManager[Engine | None]:
         """Return the engine for a ``with`` statement, which yields None for this process."""
-        return engine_of_jobs(self.jobs)
+        if "://" in self.jobs:
+            return opened_engine(cluster=self.jobs)
+        if not self.jobs.isdecimal():
+            raise InputError(f"--jobs {self.jobs!r}", remedy="write a number, or tcp://HOST:PORT")
+        return opened_engine(int(self.jobs) or cores())
 
     @property
     def part(self) -> Shard:
@@ -168,12 +166,22 @@ class WorkOptions:
 
 @dataclass(frozen=True)
 class InputOptions:
-    """Options of every command that reads measurements."""
+    """Options of every command that reads measurements.
 
-    files: Files = None
-    pads: PadsRead = ""
-    settings: SettingsFile = None
-    set: Set = None
+    Options:
+    files FILE: Measurements: tidy .csv or .csv.gz files, or as testing machines write them; files,
+        or folders of them. Pads of several tidy files are named after their files; machines' files
+        are tests of one pad.
+    pads --pads --pad: Only these pads, as 'B,C'; of machines' files, which name none, the pads'
+        names: one for all, one a file, or one a test.
+    settings: A study.toml, as 'study' writes it: any of the settings below, files and pads.
+    set: A setting, as 'sign=force', in place of --sign force; repeatable.
+    """
+
+    files: list[Path] | None = None
+    pads: str = ""
+    settings: Path | None = None
+    set: list[str] | None = None
 
     @cached_property
     def chosen(self) -> StudySettings:
@@ -199,22 +207,10 @@ class InputOptions:
 
         settings = self.chosen
         return Source.from_files(
-            self.paths,
-            only=lambda known: among(self.pad_words, known),
-            shard=part,
+            self.paths, only=lambda known: among(self.pad_words, known), shard=part,
             convert=lambda files, pads: converted(files, settings, pads),
-            stated=settings.states_reading,
-            pad_names=settings["pad-from"] is None,
-        )
-
-
-def engine_of_jobs(text: str) -> AbstractContextManager[Engine | None]:
-    """Return what ``--jobs`` says: so many processes, or the Dask cluster of an address."""
-    if "://" in text:
-        return opened_engine(cluster=text)
-    if not text.isdecimal():
-        raise InputError(f"--jobs {text!r}", remedy="write a number, or tcp://HOST:PORT")
-    return opened_engine(int(text) or cores())
+            stated=settings.states_reading, pad_names=settings["pad-from"] is None,
+        )  # fmt: skip
 
 
 def known_names(names: str, known: Collection[str], folder: Path, what: str = "fit") -> list[str]:
@@ -267,9 +263,8 @@ def converted(
     while True:
         try:
             with waiting("reading"):
-                found = convert(
-                    files, settings.answers(pads), settings.formats, without_faulty=True
-                )
+                answers = settings.answers(pads)
+                found = convert(files, answers, settings.formats, without_faulty=True)
             unsure = next((one for one in found.faults if isinstance(one, UnsureError)), None)
             if unsure is None or not asks:
                 return found

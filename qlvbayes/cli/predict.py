@@ -34,10 +34,14 @@ def predict(folder: Path, program: str, pads: str, hypotheses: str, *, as_json: 
             forecast = predict_program(source, program)
             write_forecast(folder / source.pad, forecast)
             figures += save_figures("check --program", folder / source.pad, forecast)
-        if forecast.averaged:
-            watcher.notice(_averaging_words(forecast))
-        for warning in forecast.warnings:
-            watcher.notice(f"pad {forecast.pad}: {warning}")
+        if several := forecast.averaged:
+            count = "1 hypothesis" if len(several) == 1 else f"{len(several)} hypotheses"
+            share = 100.0 * sum(one.probability for one in several)
+            watcher.notice(
+                f"pad {forecast.pad}: averaged over {count} of the diagnosis, {share:.0f} % of the "
+                f"probability: {'; '.join(map(str, several))}"
+            )
+        watcher.notice(*(f"pad {forecast.pad}: {warning}" for warning in forecast.warnings))
         forecasts.append(forecast)
     if as_json:
         print(json.dumps([content(forecast) for forecast in forecasts], allow_nan=False))
@@ -61,24 +65,13 @@ def _sources(
         fit = saved_pads(folder, [name])[0] if name in fitted else None
         left = Hypotheses.read(folder / name / FILE) if name in diagnosed else None
         if left and fit and fit.covered not in (None, left.covered):
-            watcher.notice(
-                f"pad {name}: its diagnosis is of other tests than its fit, and left out"
-            )
+            other = "its diagnosis is of other tests than its fit, and left out"
+            watcher.notice(f"pad {name}: {other}")
             yield fit
         elif left is not None and (fit is None or left.says_more):
             yield left
         elif fit is not None:
             yield fit
-
-
-def _averaging_words(forecast: Forecast) -> str:
-    several = forecast.averaged
-    count = "1 hypothesis" if len(several) == 1 else f"{len(several)} hypotheses"
-    share = 100.0 * sum(one.probability for one in several)
-    return (
-        f"pad {forecast.pad}: averaged over {count} of the diagnosis, {share:.0f} % of the "
-        f"probability: {'; '.join(map(str, several))}"
-    )
 
 
 def _table(forecasts: Sequence[Forecast]) -> Table:

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 FILE = "study.toml"
 """Name of the file that a study writes into its folder of results."""
 PRONY = next(iter(RELAXATION))  # the only one that takes a number of modes
-
-
 SEVERAL = tuple[str, ...]
 
 
@@ -283,10 +281,10 @@ class StudySettings:
         """Return the thresholds of the diagnosis."""
         from qlvbayes.diagnosis.settings import DiagnosisSettings
 
-        tolerance = self["tolerance"]
-        if tolerance is None:
+        given = self["tolerance"]
+        if given is None:
             return DiagnosisSettings()
-        return DiagnosisSettings(tolerance=share_of(tolerance))
+        return DiagnosisSettings(tolerance=share_of(given))
 
     def write(self, out: Path, files: Sequence[Path], pads: str, seed: int) -> None:
         """Write ``out/study.toml``, from which the same study is run again."""
@@ -303,9 +301,8 @@ def relaxation_of(text: str | None) -> tuple[str, int]:
         return name, 2
     if name != PRONY or not number.isdecimal() or not 1 <= int(number) <= MOST_MODES:
         known = ", ".join(RELAXATION)
-        raise InputError(
-            f"no relaxation {text!r}", remedy=f"use {PRONY}:1 to :{MOST_MODES}, or {known}"
-        )
+        remedy = f"use {PRONY}:1 to :{MOST_MODES}, or {known}"
+        raise InputError(f"no relaxation {text!r}", remedy=remedy)
     return name, int(number)
 
 
@@ -337,13 +334,12 @@ def _read(file: Path) -> dict[str, Any]:
         raise InputError(f"no TOML: {error}", file=file, remedy='write KEY = "VALUE"') from error
     values: dict[str, Any] = {}
     known = KEYS | _ARGUMENTS
-    for written, value in content.items():
-        name = written.replace("_", "-")
-        try:
-            check_known("setting", name, known)
+    try:
+        for written, value in content.items():
+            check_known("setting", name := written.replace("_", "-"), known)
             values[name] = _as_kind(name, known[name], value, file.parent)
-        except InputError as error:
-            raise InputError(error.message, file=file, remedy=error.remedy) from None
+    except InputError as error:
+        raise InputError(error.message, file=file, remedy=error.remedy) from None
     if "files" in values:
         values["files"] = tuple(file.parent / one for one in values["files"])
     return values

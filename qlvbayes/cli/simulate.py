@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from qlvbayes.cli.console import command_line, out, waiting
-from qlvbayes.cli.options import Seed, split_names
+from qlvbayes.cli.options import split_names
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.simulate import (
     NOISES,
     PROTOCOLS,
-    SPECIMENS,
+    SPECIMENS,  # noqa: F401  (in the help)
     parse_effect,
     simulate_file,
     specimens_of,
@@ -24,41 +22,16 @@ _DRAWN, _SPECIMENS = 1, 2  # random streams for effects and specimens, apart fro
 
 
 def simulate(
-    output: Annotated[Path, typer.Option("-o", "--output", help="A .csv or .csv.gz file.")],
-    pads: Annotated[
-        str,
-        typer.Option(
-            help=f"Of {', '.join(SPECIMENS)}; finger:4 is four of a kind, which differ, in a group."
-        ),
-    ] = "A,B,C",
-    rates: Annotated[
-        str, typer.Option(help="Loading rates in mm/s, or none.")
-    ] = "0.1,1,10,20,30,100",
-    loads: Annotated[
-        str, typer.Option(help="Loads in N: each adds a creep test, whose force is prescribed.")
-    ] = "",
-    noise: Annotated[
-        str,
-        typer.Option(
-            "--load-cell", "--noise", help=f"Noise of the load cell, one of {', '.join(NOISES)}."
-        ),
-    ] = "correlated",
-    max_rows: Annotated[
-        int | None, typer.Option(help="Rows a test at most, thinned as a logger does.")
-    ] = None,
-    seed: Seed = 0,
-    protocol: Annotated[str, typer.Option(help=f"One of {', '.join(PROTOCOLS)}.")] = "paper",
-    hide: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A physical effect to hide, such as viscous_drag:eta=0.003; a name alone is "
-            "drawn at 6 % of the first pad's peak force. May be given again."
-        ),
-    ] = None,
-    answer: Annotated[
-        Path | None,
-        typer.Option(help="A .json file for what is hidden; the data then do not say it."),
-    ] = None,
+    output: Path,
+    pads: str = "A,B,C",
+    rates: str = "0.1,1,10,20,30,100",
+    loads: str = "",
+    noise: str = "correlated",
+    max_rows: int | None = None,
+    seed: int = 0,
+    protocol: str = "paper",
+    hide: list[str] | None = None,
+    answer: Path | None = None,
 ) -> None:
     """Simulate the paper's tests: forward 1.6 mm, hold 30 s, back to 0.8 mm, hold 30 s.
 
@@ -68,6 +41,18 @@ def simulate(
 
     The platen accelerates at most 1000 mm/s2, the encoder steps by 1 um, the load cell's noise is
     correlated, the record is taken at 1 kHz.
+
+    Options:
+    output -o --output: A .csv or .csv.gz file.
+    pads: Of {SPECIMENS}; finger:4 is four of a kind, which differ, in a group.
+    rates: Loading rates in mm/s, or none.
+    loads: Loads in N: each adds a creep test, whose force is prescribed.
+    noise --load-cell --noise: Noise of the load cell, one of {NOISES}.
+    max_rows: Rows a test at most, thinned as a logger does.
+    protocol: One of {PROTOCOLS}.
+    hide: A physical effect to hide, such as viscous_drag:eta=0.003; a name alone is drawn at 6 % of
+        the first pad's peak force. May be given again.
+    answer: A .json file for what is hidden; the data then do not say it.
     """
     for folder in {path.parent for path in (output, answer) if path is not None}:
         if not folder.is_dir():  # refused before the work, not after it
@@ -75,8 +60,8 @@ def simulate(
     check_known("noise", noise, NOISES)
     check_known("protocol", protocol, PROTOCOLS)
     constants, groups = specimens_of(split_names(pads), np.random.default_rng([seed, _SPECIMENS]))
-    weights = _positive_values(loads, "loads", "0.5,1") if loads else ()
-    speeds = () if rates == "none" else _positive_values(rates, "rates", "0.1,1,20")
+    weights = _above_zero(loads, "loads", "0.5,1") if loads else ()
+    speeds = () if rates == "none" else _above_zero(rates, "rates", "0.1,1,20")
     if not (speeds or weights):
         raise InputError("no test to simulate", remedy="give --rates or --loads")
     top_speed, rng = max(speeds, default=1.0), np.random.default_rng([seed, _DRAWN])
@@ -94,7 +79,7 @@ def simulate(
     out.print(f"wrote {output}")
 
 
-def _positive_values(text: str, what: str, example: str) -> tuple[float, ...]:
+def _above_zero(text: str, what: str, example: str) -> tuple[float, ...]:
     try:
         values = tuple(float(x) for x in split_names(text))
     except ValueError:

@@ -26,26 +26,20 @@ def constants_table(summary: FitSummary) -> Table:
     made = table(title, "constant", "unit", *numbers)
     for name, c in summary.parameters.items():
         median, low, high = with_ends(c.median, *c.hdi90)
+        sd, interval = significant(c.sd, c.sd), f"{low} to {high}"
         made.add_row(
-            name,
-            "" if c.unit == "1" else c.unit,
-            median,
-            significant(c.mean, c.sd),
-            "fixed" if c.fixed else significant(c.sd, c.sd),
-            "" if c.fixed else f"{low} to {high}",
-            "" if c.r_hat is None else f"{c.r_hat:.3f}",
-            "" if c.ess_bulk is None else f"{c.ess_bulk:.0f}",
-        )
+            name, "" if c.unit == "1" else c.unit, median,
+            significant(c.mean, c.sd), *(("fixed", "") if c.fixed else (sd, interval)),
+            _or_nothing(c.r_hat, ".3f"), _or_nothing(c.ess_bulk, ".0f"),
+        )  # fmt: skip
     return made
 
 
 def constants_line(summary: FitSummary) -> str:
     """Return the line of one pad of many: its constants without those of the noise."""
     shown = [(name, c) for name, c in summary.parameters.items() if not name.startswith("noise.")]
-    values = ", ".join(
-        f"{name} {significant(c.median, c.sd)} ± {plain(c.sd, 2)}" for name, c in shown
-    )
-    return f"pad {summary.pad}: {values}"
+    values = (f"{name} {significant(c.median, c.sd)} ± {plain(c.sd, 2)}" for name, c in shown)
+    return f"pad {summary.pad}: {', '.join(values)}"
 
 
 def pads_table(summaries: Sequence[FitSummary]) -> Table:
@@ -76,17 +70,11 @@ def check_table(check: CheckResult, force_unit: str, speed_unit: str) -> Table:
             made.add_section()
         before = c.test
         made.add_row(
-            c.test,
-            "fitted" if c.role == "fit" else "predicted",
-            c.phase,
-            "" if c.rate is None else plain(c.rate),
-            str(c.n),
-            to_noise(c.rmse, check.noise),
-            f"{c.rmse / check.noise:.2f}",
-            to_noise(c.bias, check.noise, "+"),
-            f"{100 * c.coverage90:.0f} %",
-            Text("fails", style="bold red") if c.fails else "",
-        )
+            c.test, "fitted" if c.role == "fit" else "predicted", c.phase,
+            "" if c.rate is None else plain(c.rate), str(c.n), to_noise(c.rmse, check.noise),
+            f"{c.rmse / check.noise:.2f}", to_noise(c.bias, check.noise, "+"),
+            f"{100 * c.coverage90:.0f} %", Text("fails", style="bold red") if c.fails else "",
+        )  # fmt: skip
     return made
 
 
@@ -105,15 +93,11 @@ def contrasts_table(comparison: Comparison) -> Table:
             made.add_section()
         before = c.group
         made.add_row(
-            c.quantity + (" *" if c.extrapolated else ""),
-            "" if c.unit == "1" else c.unit,
-            written(c.first)[0],
-            written(c.second)[0],
-            "" if c.ratio is None else with_interval(c.ratio),
-            f"{c.direction:.3f}",
-            f"{c.equivalence:.3f}",
-            Text(c.answer, style=_STYLES[c.answer]),
-        )
+            c.quantity + (" *" if c.extrapolated else ""), "" if c.unit == "1" else c.unit,
+            written(c.first)[0], written(c.second)[0],
+            "" if c.ratio is None else with_interval(c.ratio), f"{c.direction:.3f}",
+            f"{c.equivalence:.3f}", Text(c.answer, style=_STYLES[c.answer]),
+        )  # fmt: skip
     return made
 
 
@@ -126,13 +110,13 @@ def steps_table(result: DiagnosisResult, unit: str) -> Table:
     )  # fmt: skip
     for stage in result.stages:
         left = stage.heldout_rmse
+        heldout = ("one test", "")
+        if left is not None:
+            heldout = to_noise(left, result.noise), f"{left / result.noise:.2f}"
         made.add_row(
-            stage_name(stage, result.stages[0].base),
-            to_noise(stage.rmse, result.noise),
-            "one test" if left is None else to_noise(left, result.noise),
-            "" if left is None else f"{left / result.noise:.2f}",
+            stage_name(stage, result.stages[0].base), to_noise(stage.rmse, result.noise), *heldout,
             _one_digit(stage.log_evidence),
-        )
+        )  # fmt: skip
     return made
 
 
@@ -150,6 +134,10 @@ def ranking_table(result: DiagnosisResult, unit: str) -> Table:
         constants = ", ".join(f"{name} = {e}" for name, e in ranked.parameters.items())
         made.add_row(name, percent(ranked.inclusion), sure, factor, error, constants)
     return made
+
+
+def _or_nothing(value: float | None, digits: str) -> str:
+    return "" if value is None else format(value, digits)
 
 
 def _one_digit(value: float | None) -> str:

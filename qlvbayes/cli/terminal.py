@@ -7,19 +7,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any
 
 from msgspec.structs import replace
 
+from qlvbayes.cli import tables
 from qlvbayes.cli.console import counting, err, out, waiting
 from qlvbayes.cli.look import show_look
 from qlvbayes.cli.options import InputOptions
-from qlvbayes.cli.tables import (
-    check_table,
-    constants_line,
-    constants_table,
-    ranking_table,
-    steps_table,
-)
 from qlvbayes.diagnosis.phrases import terminal_line
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import Progress
@@ -56,8 +51,7 @@ class Terminal(Watcher):
         """
         source = inputs.source(part)  # may ask, and no spinner may turn then
         self._grouping = source.grouping
-        for notice in in_short(source.notices):
-            self.notice(notice)
+        self.notice(*in_short(source.notices))
         return source
 
     def doing(self, label: str) -> AbstractContextManager[Callable[[str], None]]:
@@ -94,66 +88,57 @@ class Terminal(Watcher):
         if not self.quiet:
             err.print(f"took {_duration(time.monotonic() - self._began)}")
 
-    def notice(self, text: str) -> None:
-        """Print a notice once: several steps may give the same."""
-        if text not in self._noticed:
-            self._noticed.add(text)
-            err.print(f"notice: {text}")
+    def notice(self, *texts: str) -> None:
+        """Print each notice once: several steps may give the same."""
+        for text in texts:
+            if text not in self._noticed:
+                self._noticed.add(text)
+                err.print(f"notice: {text}")
 
     def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
         """Print what is in the tests, before anything is fitted."""
         if not self.quiet:
-            self._begin()
+            self._print()
             show_look(replace(look, notices=()), figures)
 
     def starting(self, lines: Sequence[str]) -> None:
         """Print what is fitted, the noise floor, and the priors."""
-        if not (self.quiet or self._brief):
-            self._begin()
-            out.print("\n".join(lines))
+        if not self._brief:
+            self._print("\n".join(lines), soft_wrap=False)
 
-    def _begin(self) -> None:
-        """Print, before anything else, which tests are of which pad."""
+    def _print(self, *shown: Any, soft_wrap: bool = True) -> None:
+        """Print unless quiet; before anything else, which tests are of which pad."""
         if self._grouping and not self.quiet:
             out.print(self._grouping, soft_wrap=True)
         self._grouping = ""
+        for one in shown if not self.quiet else ():
+            out.print(one, soft_wrap=soft_wrap and isinstance(one, str))
 
     def fitted(self, summary: FitSummary) -> None:
         """Print the constants, and why the chain has not converged."""
-        self._begin()
-        if self._brief and not self.quiet:
-            out.print(constants_line(summary), soft_wrap=True)
-        elif not self.quiet:
-            out.print(constants_table(summary))
+        shown = tables.constants_line if self._brief else tables.constants_table
+        self._print(shown(summary))
         for trouble in summary.troubles:
             err.print(f"NOT CONVERGED, pad {summary.pad}: {trouble}", style="bold red")
 
     def checked(self, check: CheckResult) -> None:
         """Print the errors by test and phase."""
-        self._begin()
-        if self.quiet:
-            return
-        if not self._brief:
-            out.print(check_table(check, check.units.force, check.units.speed))
-        words = ErrorTable(check).in_words(check.units.force)
-        out.print(f"{pad_title(check.pad)}: {words}", soft_wrap=True)
+        force, speed = check.units.force, check.units.speed
+        table = [] if self._brief else [tables.check_table(check, force, speed)]
+        self._print(*table, f"{pad_title(check.pad)}: {ErrorTable(check).in_words(force)}")
 
     def diagnosed(
         self, result: DiagnosisResult, words: Sequence[str], figures: Sequence[Path]
     ) -> None:
         """Print the steps, the ranking and the verdict in words."""
-        self._begin()
-        if self.quiet:
-            return
         if self._brief:
-            out.print(terminal_line(result), soft_wrap=True)
+            self._print(terminal_line(result))
             return
-        out.print(steps_table(result, result.units.force))
-        out.print(ranking_table(result, result.units.force))
-        for paragraph in words:
-            out.print(paragraph, soft_wrap=not out.is_terminal)
-            out.print()
-        show_figures(figures)
+        unit = result.units.force
+        self._print(tables.steps_table(result, unit), tables.ranking_table(result, unit))
+        self._print(*(x for one in words for x in (one, "")), soft_wrap=not out.is_terminal)
+        if not self.quiet:
+            show_figures(figures)
 
 
 def _duration(seconds: float) -> str:

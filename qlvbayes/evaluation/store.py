@@ -85,7 +85,7 @@ def run_missing(
     done = count(1)
     report(0, len(missing))
 
-    def keep(outcome: Outcome[Any, Case]) -> None:
+    def keep(outcome: Outcome) -> None:
         if outcome.answer is not None:
             store.add(outcome.answer | {"code": digest})
         if outcome.fault is not None:

@@ -44,31 +44,25 @@ class KilledError(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Engine:
-    """Receiver of tasks: processes, a cluster or an executor of the user.
+    """Receiver of tasks: processes, a cluster or an executor of the user."""
 
-    submit: Function that submits one call and returns its future; ahead: function of the largest
-    number of submitted tasks, waiting ones included; lost: the error that says that it has stopped,
-    and the remedy; shares_disk: whether its workers are sure to see the files that this process
-    sees.
-    """
-
-    submit: Callable[..., Future[Any]]
-    ahead: Callable[[], int]
-    lost: EngineLostError
-    shares_disk: bool = False
+    submit: Callable[..., Future[Any]]  # of one call
+    ahead: Callable[[], int]  # most tasks that are submitted, waiting ones included
+    lost: EngineLostError  # says that it has stopped, and the remedy
+    shares_disk: bool = False  # whether its workers are sure to see the files of this process
 
 
 class Processes:
     """Spawned interpreters, never forked ones, because JAX has threads.
 
     Each is the only one of its pool, so that one that dies takes no other task with it. A thread
-    waits for each, and starts it when it is needed.
+    waits for each and starts it when it is needed. It ends when its parent does or closes its pipe.
     """
 
     def __init__(self, count: int) -> None:
         self._threads, self._own = ThreadPoolExecutor(count), threading.local()
         self._share = max(1, cores() // count)
-        self._all: list[_Process] = []
+        self._all: list[tuple[Connection, ProcessPoolExecutor]] = []
         self._closed = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
@@ -78,50 +72,34 @@ class Processes:
     def _run(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the answer of the thread's process; if that dies another does the task again."""
         for _ in range(_DEATHS):
-            process = getattr(self._own, "process", None)
-            if process is None:
-                process = self._own.process = _Process(self._share)
-                self._all.append(process)
+            if getattr(self._own, "pool", None) is None:
+                self._own.pool = self._spawned()
             try:
-                return process.run(function, *arguments)
+                return self._own.pool.submit(function, *arguments).result()
             except BrokenExecutor as error:
-                process.end()
-                self._own.process = None
+                self._own.pool = None
                 if self._closed:
                     raise CancelledError from error
         raise KilledError
+
+    def _spawned(self) -> ProcessPoolExecutor:
+        # idle threads of BLAS, as many as there are cores in each process, take memory
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        theirs, ours = multiprocessing.Pipe(duplex=False)
+        spawning = multiprocessing.get_context("spawn")
+        pool = ProcessPoolExecutor(1, spawning, _begin, (theirs, self._share))
+        self._all.append((ours, pool))
+        return pool
 
     def close(self) -> None:
         """Stop all processes at once, whatever they are doing."""
         self._closed = True
         self._threads.shutdown(wait=False, cancel_futures=True)
-        for process in list(self._all):
-            process.end()
+        for lifeline, _ in list(self._all):
+            lifeline.close()
+        for _, pool in list(self._all):
+            pool.shutdown(cancel_futures=True)
         self._threads.shutdown()
-
-
-class _Process:
-    """One spawned interpreter, which ends when its parent does or closes its pipe."""
-
-    def __init__(self, threads: int) -> None:
-        # idle threads of BLAS, as many as there are cores in each process, take memory
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        ours, self._lifeline = multiprocessing.Pipe(duplex=False)
-        self._ending, self._ended = threading.Lock(), False
-        spawning = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(1, spawning, _begin, (ours, threads))
-
-    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return the answer to one call."""
-        return self._pool.submit(function, *arguments).result()
-
-    def end(self) -> None:
-        """End the process; who closes all and who waits for this one may both ask for it."""
-        with self._ending:
-            if not self._ended:
-                self._ended = True
-                self._lifeline.close()
-                self._pool.shutdown(cancel_futures=True)
 
 
 def _begin(lifeline: Connection, threads: int) -> None:

@@ -13,11 +13,11 @@ import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, TypeVar
 
 import qlvbayes
 from qlvbayes.io.checks import InputError
@@ -26,11 +26,11 @@ from qlvbayes.io.wording import listed, visible
 from qlvbayes.parallel.engines import Engine, KilledError
 
 Item = TypeVar("Item")
-Answer = TypeVar("Answer")
 Found = TypeVar("Found")
+Tried = tuple[Any, "Fault | None"]
+"""The answer of a task, or its fault."""
 
 _WAITING = 1000  # outcomes kept at most while that of an item before them is not there
-_SLURM = tuple(f"SLURM_ARRAY_TASK_{what}" for what in ("ID", "MIN", "COUNT"))
 _IN_TURN = threading.Lock()  # figures have settings of the whole process: one task at a time
 
 
@@ -96,22 +96,20 @@ class FailedError(InputError):
 
 @dataclass(frozen=True)
 class Shard:
-    """One part of many, each run by itself: ``3/200`` is the third of two hundred.
+    """One part of many, each run by itself: ``3/200`` is the third of two hundred."""
 
-    index: Its number, from 1; count: How many there are; every item is in exactly one part.
-    """
-
-    index: int = 1
+    index: int = 1  # from 1
     count: int = 1
 
     @classmethod
     def from_text(cls, text: str) -> Shard:
         """Read ``3/200``, or ``slurm``: the index of this job in an array of SLURM."""
-        if text.strip().lower() == "slurm":
-            return cls._from_slurm()
         index, slash, count = (part.strip() for part in text.partition("/"))
-        if index.lower() == "slurm":  # of an array that is smaller than the number of parts
-            index = str(cls._from_slurm().index)
+        if index.lower() == "slurm":
+            job = cls._from_slurm()
+            if not slash:
+                return job
+            index = str(job.index)  # of an array that is smaller than the number of parts
         if not (slash and index.isdecimal() and count.isdecimal()):
             raise InputError(f"no part {text!r}", remedy="write it as 3/200, or as slurm")
         if not 1 <= int(index) <= int(count):
@@ -121,11 +119,12 @@ class Shard:
 
     @classmethod
     def _from_slurm(cls) -> Shard:
-        values = [os.environ.get(name, "") for name in _SLURM]
+        values = [os.environ.get(f"SLURM_ARRAY_TASK_{x}", "") for x in ("ID", "MIN", "COUNT")]
         if not all(text.isdecimal() for text in values):
-            what = "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set"
-            remedy = "run it by sbatch --array=1-200, or write the part as 3/200"
-            raise InputError(what, remedy=remedy)
+            raise InputError(
+                "this is no job of a SLURM array: SLURM_ARRAY_TASK_ID is not set",
+                remedy="run it by sbatch --array=1-200, or write the part as 3/200",
+            )
         task, first, count = map(int, values)
         if not 1 <= task - first + 1 <= count:
             what = f"the SLURM array has gaps: task {task} of {count} that begin with {first}"
@@ -139,21 +138,21 @@ class Shard:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome(Generic[Item, Answer]):
+class Outcome:
     """Result of one item: the task's answer, or its fault."""
 
-    item: Item
-    answer: Answer | None
+    item: Any
+    answer: Any
     fault: Fault | None = None
 
 
 def run_all(
-    task: Callable[[Item], Answer],
-    items: Iterable[Item | Fault | Outcome[Item, Answer]],
+    task: Callable[[Any], Any],
+    items: Iterable[Any],
     engine: Engine | None = None,
     *,
-    keep: Callable[[Outcome[Item, Answer]], None] = lambda outcome: None,
-) -> Iterator[Outcome[Item, Answer]]:
+    keep: Callable[[Outcome], None] = lambda outcome: None,
+) -> Iterator[Outcome]:
     """Run ``task`` for every item; yield what became of each, in the order of the items.
 
     ``keep`` receives each outcome as soon as it is there. An item that is a fault, or an outcome
@@ -161,26 +160,25 @@ def run_all(
     """
     if engine is None:
         for one in items:
-            outcome = _passed(one) or Outcome(cast(Item, one), *_tried(task, cast(Item, one)))
+            outcome = _passed(one) or Outcome(one, *_tried(task, one))
             keep(outcome)
             yield outcome
         return
     numbered = enumerate(items)
-    working: dict[Future[Any], tuple[int, Item]] = {}
-    done: dict[int, Outcome[Item, Answer]] = {}
+    working: dict[Future[Any], tuple[int, Any]] = {}
+    done: dict[int, Outcome] = {}
     following, more = 0, True
     while more or working:
         while more and len(done) < _WAITING and len(working) < _asked(engine, engine.ahead):
-            entry = next(numbered, None)
-            if entry is None:
+            index, item = next(numbered, (-1, None))
+            if index < 0:
                 more = False
-            elif (passed := _passed(entry[1])) is not None:
+            elif (passed := _passed(item)) is not None:
                 keep(passed)
-                done[entry[0]] = passed
+                done[index] = passed
             else:
-                item = cast(Item, entry[1])
                 call = partial(engine.submit, _tried_elsewhere, package_digest(), task, item)
-                working[_asked(engine, call)] = entry[0], item
+                working[_asked(engine, call)] = index, item
         for future in wait(working, return_when=FIRST_COMPLETED).done if working else ():
             index, item = working.pop(future)
             done[index] = _outcome(engine, item, future)
@@ -205,7 +203,7 @@ def package_digest(folders: tuple[str, ...] = ()) -> str:
     return digest.hexdigest()
 
 
-def _passed(item: Any) -> Outcome[Any, Any] | None:
+def _passed(item: Any) -> Outcome | None:
     """Return the outcome of an item that needs no work: a fault, or a known outcome."""
     if isinstance(item, Outcome):
         return item
@@ -219,7 +217,7 @@ def _asked(engine: Engine, call: Callable[[], Found]) -> Found:
         raise engine.lost from error
 
 
-def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, Any]:
+def _outcome(engine: Engine, item: Any, future: Future[Any]) -> Outcome:
     """Return what a worker sent back; raise EngineLostError where there are none any more."""
     try:
         return Outcome(item, *future.result())
@@ -230,33 +228,25 @@ def _outcome(engine: Engine, item: Item, future: Future[Any]) -> Outcome[Item, A
         return Outcome(item, None, fault_of(KilledError() if killed else error))
 
 
-def _tried(task: Callable[[Item], Answer], item: Item) -> tuple[Answer | None, Fault | None]:
+def _tried(task: Callable[[Any], Any], item: Any) -> Tried:
     """Return the task's answer, or its fault; both can be pickled, an exception may not."""
     # numbers must not depend on how many threads there are
-    with _IN_TURN, one_blas_thread(), _without_scheduler():
+    with _IN_TURN, one_blas_thread(), ExitStack() as stack:
+        if "distributed" in sys.modules:  # or xarray asks the scheduler for locks on files
+            import dask
+
+            stack.enter_context(dask.config.set(scheduler="synchronous"))
         try:
-            answer = task(item)
+            return task(item), None
         except Exception as error:  # one bad item must not stop the others
             return None, fault_of(error)
         finally:
             forget_compiled()
-    return answer, None
 
 
-def _tried_elsewhere(
-    code: str, task: Callable[[Item], Answer], item: Item
-) -> tuple[Answer | None, Fault | None]:
+def _tried_elsewhere(code: str, task: Callable[[Any], Any], item: Any) -> Tried:
     """Run `_tried` if the worker has the same package, so that results are not mixed."""
     if code != package_digest():
         version = f"the worker has another version of qlvbayes ({qlvbayes.__version__})"
         return None, Fault(f"{version}; install the same one where it runs")
     return _tried(task, item)
-
-
-def _without_scheduler() -> AbstractContextManager[object]:
-    """Stop xarray, in a worker of Dask, from asking the scheduler for locks on files."""
-    if "distributed" not in sys.modules:
-        return nullcontext()
-    import dask
-
-    return cast(AbstractContextManager[object], dask.config.set(scheduler="synchronous"))

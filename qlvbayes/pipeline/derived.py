@@ -12,22 +12,15 @@ from functools import cache
 from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from qlvbayes.comparison.compare import REGION, compare
 from qlvbayes.comparison.contrast import Comparison, write_comparison
+from qlvbayes.fitting import summary
 from qlvbayes.fitting.residuals import Curves
 from qlvbayes.fitting.results import Saved, load
-from qlvbayes.fitting.summary import (
-    FitSummary,
-    References,
-    constants_table,
-    matching_references,
-    read_references,
-    write_constants,
-)
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
 from qlvbayes.motion.facts import covered
@@ -38,7 +31,6 @@ from qlvbayes.report.page import MOST_ON_A_PAGE
 
 FOLDER = "compare"
 _MOST_PAIRS = 6  # most pairs that a study compares; beyond that the user names them
-_NOT_ALL = "are not all compared here; name those that matter: qlvbayes compare OUT --pads A,B"
 Group = tuple[str, Sequence[Saved]]
 
 
@@ -50,10 +42,8 @@ class CompareStep:
     where quantities are read, None for what the tests of both cover; seed: that of the draws.
     """
 
-    name: ClassVar[str] = "compare"
-    needs: ClassVar[tuple[str, ...]] = ("posterior.nc",)  # of each pad
-    leaves: ClassVar[tuple[str, ...]] = tuple(f"compare.{kind}" for kind in ("json", "csv", "txt"))
-    code: ClassVar[tuple[str, ...]] = (*FITTED, "comparison")
+    name = "compare"
+    code = (*FITTED, "comparison")
 
     region: float = REGION
     depth: float | None = None
@@ -65,28 +55,22 @@ class CompareStep:
         """Compare the groups in ``out/compare``; one that is finished is read."""
         names = first[0], second[0]
         folder = out / FOLDER / f"{names[0]}-vs-{names[1]}"
-        key = self._key(first, second)
+        fits = (*first[1], *second[1])
+        facts = [(x.pad, x.fluid, x.covered) for x in fits]
+        digests = [hashlib.sha256(x.draws.tobytes()).hexdigest() for x in fits]
+        parts = (self, *names, facts, digests, package_digest(self.code))
+        key = hashlib.sha256(repr(parts).encode()).hexdigest()
         if is_finished(out, self.name, folder.name, key, folder):
-            return Comparison.read(folder / self.leaves[0])
+            return Comparison.read(folder / "compare.json")
         from qlvbayes.plots.contrasts import plot_contrasts
         from qlvbayes.plots.files import save_figure
 
         with watcher.doing(f"comparing {names[0]} with {names[1]}"):
-            comparison = compare(
-                first[1], second[1], names=names, region=self.region, depth=self.depth,
-                rates=self.rates, frequencies=self.frequencies, seed=self.seed,
-            )  # fmt: skip
+            comparison = compare(first[1], second[1], names=names, **vars(self))
             files = write_comparison(folder, comparison)  # which makes the folder
             files.append(save_figure(plot_contrasts(comparison), folder / "contrasts"))
         record_finished(out, self.name, folder.name, key, {f.name: digest_of(f) for f in files})
         return comparison
-
-    def _key(self, first: Group, second: Group) -> str:
-        fits = (*first[1], *second[1])
-        facts = [(x.pad, x.fluid, x.covered) for x in fits]
-        digests = [hashlib.sha256(x.draws.tobytes()).hexdigest() for x in fits]
-        parts = (self, first[0], second[0], facts, digests, package_digest(self.code))
-        return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
 def figure_of(out: Path, comparison: Comparison) -> Path:
@@ -135,54 +119,40 @@ def fluid_pairs(pads: Sequence[Saved]) -> list[tuple[Group, Group]]:
     return list(combinations(several, 2))
 
 
-def compare_few(out: Path, pads: Sequence[str], seed: int, watcher: Watcher) -> None:
-    """Compare the fluids of some fitted pads, or where there are none every pair of a few pads."""
-    if len(pads) > MOST_ON_A_PAGE:
-        watcher.notice(f"{len(pads)} pads {_NOT_ALL}")
-    else:
-        compare_pairs(out, saved_pads(out, pads), seed, watcher)
+def not_all_compared(head: str) -> str:
+    """Return the notice that some pads are too many to be compared unasked."""
+    named = "name those that matter: qlvbayes compare OUT --pads A,B"
+    return f"{head} are not all compared here; {named}"
 
 
 def compare_pairs(out: Path, pads: Sequence[Saved], seed: int, watcher: Watcher) -> None:
     """Compare fluids where several specimens contain them, else every pair of a few pads."""
     pairs = fluid_pairs(pads) or pad_pairs(pads)
     if len(pairs) > _MOST_PAIRS:
-        watcher.notice(f"{len(pads)} pads make {len(pairs)} pairs, which {_NOT_ALL}")
+        watcher.notice(not_all_compared(f"{len(pads)} pads make {len(pairs)} pairs, which"))
         return
     for first, second in pairs:
         CompareStep(seed=seed).run(out, first, second, watcher)
 
 
-@dataclass(frozen=True)
-class ReferenceFile:
-    """File of reference values; ``required``: the user gave it, so all must be usable."""
+def draw_constants(out: Path, given: Path | None, data: Path | None = None) -> None:
+    """Write the constants of all pads into ``out``: constants.csv, constants.tex and a figure.
 
-    file: Path
-    required: bool
-
-
-def find_references(folder: Path, given: Path | None) -> ReferenceFile | None:
-    """Return the file of references: the one given, else paper_table1.csv in the data's folder."""
-    if given is not None:
-        read_references(given)
-        return ReferenceFile(given, required=True)
-    default = folder / REFERENCES
-    return ReferenceFile(default, required=False) if default.is_file() else None
-
-
-def draw_constants(out: Path, references: ReferenceFile | None) -> None:
-    """Write the constants of all pads into ``out``: constants.csv, constants.tex and a figure."""
-    summaries = [FitSummary.read(file) for file in sorted(out.glob("*/summary.json"))]
-    known: References = read_references(references.file) if references else {}
-    if references and not references.required:
-        known = matching_references(known, summaries)
-    entries, few = constants_table(summaries, known), len(summaries) <= MOST_ON_A_PAGE
-    write_constants(out, entries, for_print=few)
+    With the references that are given, which must all be usable, or those in the data's folder.
+    """
+    summaries = [summary.FitSummary.read(file) for file in sorted(out.glob("*/summary.json"))]
+    beside = data / REFERENCES if data is not None and (data / REFERENCES).is_file() else None
+    file = given or beside
+    known: summary.References = summary.read_references(file) if file else {}
+    if not given:
+        known = summary.matching_references(known, summaries)
+    entries, few = summary.constants_table(summaries, known), len(summaries) <= MOST_ON_A_PAGE
+    summary.write_constants(out, entries, for_print=few)
     if few:
         from qlvbayes.plots.constants import plot_constants
         from qlvbayes.plots.files import save_figure
 
-        label = f"reference ({references.file.name})" if references else "reference"
+        label = f"reference ({file.name})" if file else "reference"
         save_figure(plot_constants(entries, reference=label), out / "constants")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.prior import Families
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.searchsetup import as_chosen
 from qlvbayes.effects.catalogue import EFFECTS, FORMS, OUTSIDE
-from qlvbayes.fitting.results import Run, RunLog, Saved, load
+from qlvbayes.fitting.results import Run, Saved, load
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.catalogue import MOST_TESTS
 from qlvbayes.io.checks import InputError
@@ -27,15 +27,13 @@ from qlvbayes.model.drawn import described_model
 from qlvbayes.motion.experiment import Experiment
 from qlvbayes.pipeline.source import read_again
 from qlvbayes.pipeline.steps import Watcher
+from qlvbayes.report.collect import runs_in
 from qlvbayes.use.prescribed.hypotheses import FILE as HYPOTHESES
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
-CAUSE = "cause"
-"""The goal that is no constant."""
-SET_POINTS = 1000.0
-"""Set-points a second in the file for the rig, as the paper's controller takes them."""
-PAUSE = "pause"
-"""Entry of the column ``test`` while the pad recovers."""
+CAUSE = "cause"  # the goal that is no constant
+SET_POINTS = 1000.0  # a second in the file for the rig, as the paper's controller takes them
+PAUSE = "pause"  # entry of the column ``test`` while the pad recovers
 _DIGITS = 9  # more than any rig resolves
 _ROUNDING = 1e-9  # of the depth
 
@@ -81,15 +79,14 @@ def design_into(
 def _constants(belief: Belief, goals: Sequence[str]) -> tuple[str, ...]:
     """Return the constants that are asked for: without a goal, the free ones of the laws."""
     every = [pair for x in belief.explanations for pair in zip(x.names, x.gradient, strict=True)]
-    known = dict.fromkeys(name for name, _ in every)
     if not goals:
         free = (name for name, slopes in every if "." not in name and slopes.any())
         return tuple(dict.fromkeys(free))
-    names = tuple(name for name in goals if name != CAUSE)
+    known, names = dict.fromkeys(name for name, _ in every), [x for x in goals if x != CAUSE]
     for name in names:
         if not any(is_meant(own, [name]) for own in known):
             raise InputError(f"no constant '{name}'", remedy=f"use cause, {', '.join(known)}")
-    return names
+    return tuple(names)
 
 
 def set_points(designs: Sequence[Design]) -> tuple[Array, Array, list[str]]:
@@ -126,20 +123,27 @@ def known(
     diagnosed = diagnosis.is_file() and drawn.is_file()
     result = DiagnosisResult.read(diagnosis) if diagnosed else None
     if result is None and saved is None:
-        raise InputError(
-            "neither a fit nor a diagnosis of this pad", file=folder, remedy="run qlvbayes fit"
-        )
+        what = "neither a fit nor a diagnosis of this pad"
+        raise InputError(what, file=folder, remedy="run qlvbayes fit")
     if result is None and CAUSE in goals:
         raise InputError("no diagnosis of this pad", file=folder, remedy="run qlvbayes diagnose")
     if saved is not None and (result is None or (goals and CAUSE not in goals)):
         return _fitted(saved, data)
     assert result is not None
-    left = Hypotheses.read(drawn)
-    belief = Belief.from_explanations(list(_explanations(left)), result.outside)
+    left, explanations = Hypotheses.read(drawn), []
+    families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
+    for one in left.hypotheses:
+        choices, cause = left.side(one).choices, families.cause(one.effects)
+        model = described_model(choices, left.covered.depth)
+        draws = {name: np.array(values) for name, values in one.curve.items()}
+        words = _words(choices)
+        explanations.append(Explanation.from_draws(words, model, draws, one.probability, cause))
+    belief = Belief.from_explanations(explanations, result.outside)
     if CAUSE in goals and len(belief.causes) < 2:
         remedy = "ask for constants, as --for m,b"
         raise InputError("no two sets of effects are in doubt", file=folder, remedy=remedy)
-    run = _diagnosing(folder.parent)
+    runs = runs_in(folder.parent)
+    run = runs.get("diagnose", runs.get("study"))  # the last that diagnosed, where it is known
     source = run if saved is None or (run is not None and run.sha256) else saved
     return belief, _measured(left.pad, left.choices, source, data), result.discrepancy
 
@@ -158,32 +162,13 @@ def _fitted(saved: Saved, data: Path | None) -> tuple[Belief, Experiment, float]
     return Belief.from_explanations([one]), experiment, missed
 
 
-def _explanations(left: Hypotheses) -> Iterator[Explanation]:
-    """Yield the explanations that a diagnosis left."""
-    families = Families.from_kinds((*EFFECTS, *FORMS, *OUTSIDE))
-    for one in left.hypotheses:
-        choices, cause = left.side(one).choices, families.cause(one.effects)
-        model = described_model(choices, left.covered.depth)
-        draws = {name: np.array(values) for name, values in one.curve.items()}
-        yield Explanation.from_draws(_words(choices), model, draws, one.probability, cause)
-
-
 def _words(choices: Choices) -> str:
-    """Return laws and effects in words."""
     return " + ".join((f"{choices.elastic}, {choices.relaxing}", *choices.effects))
-
-
-def _diagnosing(out: Path) -> Run | None:
-    """Return the last run that diagnosed, where it is known."""
-    path = out / "run.json"
-    runs = RunLog.read(path).runs if path.is_file() else {}
-    return runs.get("diagnose", runs.get("study"))
 
 
 def _measured(
     pad: str, choices: Choices, known: Saved | Run | None, data: Path | None
 ) -> Experiment:
-    """Return the pad's tests, of a file that is given or known from the results."""
     source, sha256 = (known.source, known.sha256) if known else ("", "")
     study = read_again(source, sha256, data)
     return as_chosen(choices.prepare(study.pad(pad)), choices)

@@ -18,14 +18,12 @@ from qlvbayes.io.data import Measurements, Pad
 from qlvbayes.io.files import alone_in, results_folder, same_folder, write_whole
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.running import FailedError, Fault, Outcome, package_digest, run_all
-from qlvbayes.pipeline.source import Source
 from qlvbayes.pipeline.steps import (
     Step,
     Watcher,
     digest_of,
     forget_fault,
     is_finished,
-    label_of,
     record_fault,
     record_finished,
 )
@@ -35,18 +33,15 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """Steps of one pad, one after the other, as they are sent to a worker.
-
-    ``todo`` are those that are not finished, ``style`` the Matplotlib settings of the user.
-    ``token`` is a file that only workers which share the disk can see, None where all do; for those
-    that do not, ``inputs`` are the contents of the files that the steps need.
-    """
+    """Steps of one pad, one after the other, as they are sent to a worker."""
 
     steps: tuple[Step, ...]
     study: Measurements
     out: Path
-    todo: tuple[Step, ...] = ()
-    style: dict[str, Any] = field(default_factory=dict)
+    todo: tuple[Step, ...] = ()  # those that are not finished
+    style: dict[str, Any] = field(default_factory=dict)  # Matplotlib settings of the user
+    # a file that only workers which share the disk can see, None where all do; for those that do
+    # not, ``inputs`` are the contents of the files that the steps need
     token: Path | None = None
     inputs: dict[str, bytes] = field(default_factory=dict)
 
@@ -54,11 +49,6 @@ class Work:
     def pad(self) -> str:
         """Name of the pad."""
         return self.study.pads[0].name
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the pad."""
-        return self.out / self.pad
 
     def key(self, step: Step, folder: Path) -> str:
         """Return the digest of all that a step's results depend on.
@@ -77,23 +67,44 @@ class Work:
         ]  # fmt: skip
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
-    def report(self, step: Step, watcher: Watcher) -> None:
-        """Report the results of a step."""
-        step.report(self.folder / step.within, watcher)
-
     def ready(self, token: Path | None) -> Work:
         """Return the work as it is sent: with the steps that are to be done, and what they need.
 
         A step is finished if its key is that of its last run, and none that it needs is done anew.
         """
+        folder = self.out / self.pad
         work, todo = replace(self, style=_own_style(), token=token), list[Step]()
         for step in self.steps:
-            record = label_of(step), self.pad, work.key(step, self.folder), self.folder
+            record = step.label, self.pad, work.key(step, folder), folder
             if not is_finished(self.out, *record) or (todo and step.needs):
                 todo.append(step)
-        needed = {self.folder / step.within / name for step in todo for name in step.needs}
+        needed = {folder / step.within / name for step in todo for name in step.needs}
         known = [path for path in needed if path.exists()] if token is not None else []
         return replace(work, todo=tuple(todo), inputs=_contents(known, self.out))
+
+    def report(self, step: Step, watcher: Watcher) -> None:
+        """Report the results of a step."""
+        step.report(self.out / self.pad / step.within, watcher)
+
+    def do(
+        self, out: Path, watcher: Watcher, report: Callable[[Step], None] = lambda step: None
+    ) -> list[Path]:
+        """Do the unfinished steps, record each as finished, and return all files written.
+
+        ``report`` receives each step of the pad when it is finished, in order.
+        """
+        folder = out / self.pad
+        written: list[Path] = []
+        with alone_in(folder):
+            for step in self.steps:
+                if step in self.todo:
+                    before, key = _stamps(folder), self.key(step, folder)
+                    step.run(folder / step.within, self.study, watcher)
+                    left = [path for path, s in _stamps(folder).items() if before.get(path) != s]
+                    files = {path.relative_to(folder).as_posix(): digest_of(path) for path in left}
+                    written += [*left, record_finished(out, step.label, self.pad, key, files)]
+                report(step)
+        return written
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,54 +130,47 @@ class Tally:
 
 def run_pads(
     out: Path,
-    work: Iterable[Work | Fault],
+    studies: Iterable[Measurements | Fault],
+    steps: Callable[[Measurements], Sequence[Step]],
     *,
     size: int,
     engine: Engine | None = None,
     watcher: Watcher | None = None,
 ) -> Tally:
-    """Do the steps of all pads, one pad after the other or in parallel; skip what is finished."""
+    """Do the steps that are made for each pad's study, in ``out/<pad>``; skip what is finished."""
     watcher = watcher or Watcher()
     pads: list[str] = []
     faults: list[Fault] = []
     reached = count(1)
+    work = (one if isinstance(one, Fault) else Work(tuple(steps(one)), one, out) for one in studies)
     with (
         _shared_disk_token(out, engine) as token,
         watcher.overall(size, alone=engine is None) as report_count,
     ):
 
-        def keep(outcome: Outcome[Work, Done]) -> None:
-            _keep(out, outcome)
+        def keep(outcome: Outcome) -> None:
+            """Write the files that a worker sent back, or record the fault."""
+            if outcome.fault is None:
+                _write(outcome.answer.contents, out)
+                outcome.answer.contents.clear()
+                outcome.item.inputs.clear()
+            elif out.is_dir():
+                fault = _with_pad(outcome)
+                record_fault(out, getattr(outcome.item, "pad", fault.of), fault)
             report_count(number := next(reached), max(size, number))
 
         task = partial(_done_here, watcher) if engine is None else _done_elsewhere
         for outcome in run_all(task, _ready(work, token), engine, keep=keep):
+            one: Work = outcome.item
             if outcome.fault is not None:
-                faults.append(_with_pad(outcome.fault, outcome.item))
+                faults.append(_with_pad(outcome))
                 continue
-            one = outcome.item
             pads.append(one.pad)
-            for lines in cast(Done, outcome.answer).starting:
+            for lines in outcome.answer.starting:
                 watcher.starting(lines)
             for step in one.steps if engine is not None or not one.todo else ():
                 one.report(step, watcher)
     return Tally(tuple(pads), tuple(faults))
-
-
-def run_steps(
-    out: Path,
-    source: Source,
-    steps: Callable[[Measurements], Sequence[Step]],
-    *,
-    engine: Engine | None = None,
-    watcher: Watcher | None = None,
-) -> Tally:
-    """Do `run_pads` with the steps that are made for each pad's measurements, in ``out/<pad>``."""
-    work = (one if isinstance(one, Fault) else Work(tuple(steps(one)), one, out) for one in source)
-    tally = run_pads(out, work, size=source.size, engine=engine, watcher=watcher)
-    if not (tally.pads or tally.faults) and source.only and source.shard.count == 1:
-        raise source.refusal
-    return tally
 
 
 def map_pads(
@@ -179,7 +183,7 @@ def map_pads(
     faults = [replace(o.fault, of=f"pad {o.item.name}") for o in outcomes if o.fault is not None]
     if faults:
         raise FailedError(faults, len(faults))
-    return [cast(Answer, outcome.answer) for outcome in outcomes]
+    return [outcome.answer for outcome in outcomes]
 
 
 def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> Answer:
@@ -187,9 +191,7 @@ def _styled(style: dict[str, Any], task: Callable[[Pad], Answer], pad: Pad) -> A
         return task(pad)
 
 
-def _ready(
-    work: Iterable[Work | Fault], token: Path | None
-) -> Iterator[Work | Fault | Outcome[Work, Done]]:
+def _ready(work: Iterable[Work | Fault], token: Path | None) -> Iterator[Work | Fault | Outcome]:
     """Yield the work for the engine, and outcomes for what is finished already."""
     names: set[str] = set()
     for one in work:
@@ -206,25 +208,14 @@ def _ready(
             yield ready if ready.todo else Outcome(ready, Done())
 
 
-def _keep(out: Path, outcome: Outcome[Work, Done]) -> None:
-    """Write the files that a worker sent back, or record the fault."""
-    if outcome.fault is None:
-        done = cast(Done, outcome.answer)
-        _write(done.contents, out)
-        done.contents.clear()
-        outcome.item.inputs.clear()
-    elif out.is_dir():
-        fault = _with_pad(outcome.fault, outcome.item)
-        record_fault(out, getattr(outcome.item, "pad", fault.of), fault)
-
-
-def _with_pad(fault: Fault, item: Any) -> Fault:
+def _with_pad(outcome: Outcome) -> Fault:
+    fault, item = cast(Fault, outcome.fault), outcome.item
     return replace(fault, of=f"pad {item.pad}") if isinstance(item, Work) else fault
 
 
 def _done_here(watcher: Watcher, work: Work) -> Done:
     """Do the steps in this process, and report each as soon as it is done."""
-    _do(work, work.out, watcher, lambda step: work.report(step, watcher))
+    work.do(work.out, watcher, lambda step: work.report(step, watcher))
     return Done()
 
 
@@ -233,11 +224,11 @@ def _done_elsewhere(work: Work) -> Done:
     watcher = _Starting()
     with _with_style(work.style):
         if work.token is None or work.token.exists():
-            _do(work, work.out, watcher)
+            work.do(work.out, watcher)
             return Done(tuple(watcher.lines))
         with TemporaryDirectory() as base:
             _write(work.inputs, Path(base))
-            files = _do(work, Path(base), watcher)
+            files = work.do(Path(base), watcher)
             return Done(tuple(watcher.lines), _contents(files, Path(base)))
 
 
@@ -249,29 +240,6 @@ class _Starting(Watcher):
 
     def starting(self, lines: Sequence[str]) -> None:
         self.lines.append(tuple(lines))
-
-
-def _do(
-    work: Work, out: Path, watcher: Watcher, report: Callable[[Step], None] = lambda step: None
-) -> list[Path]:
-    """Do the unfinished steps, record each as finished, and return all files written.
-
-    ``report`` receives each step of the pad when it is finished, in order.
-    """
-    folder = out / work.pad
-    written: list[Path] = []
-    with alone_in(folder):
-        for step in work.steps:
-            if step in work.todo:
-                before = _stamps(folder)
-                key = work.key(step, folder)
-                step.run(folder / step.within, work.study, watcher)
-                left = [path for path, s in _stamps(folder).items() if before.get(path) != s]
-                files = {path.relative_to(folder).as_posix(): digest_of(path) for path in left}
-                record = record_finished(out, label_of(step), work.pad, key, files)
-                written += [*left, record]
-            report(step)
-    return written
 
 
 def _contents(files: Iterable[Path], out: Path) -> dict[str, bytes]:

@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.diagnosis.settings import DiagnosisSettings
 from qlvbayes.fitting.ensemble import Settings
 from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import load, record_run
+from qlvbayes.fitting.summary import read_references
 from qlvbayes.io.data import Measurements
 from qlvbayes.io.files import write_whole
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
@@ -24,16 +25,8 @@ from qlvbayes.model.choices import Choices
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.parallel.engines import Engine, engine_of
 from qlvbayes.parallel.running import Fault, Shard, fault_of
-from qlvbayes.pipeline.derived import (
-    ReferenceFile,
-    compare_few,
-    draw_constants,
-    draw_forces_at_rates,
-    find_references,
-    fitted_pads,
-)
-from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Tally, map_pads, run_steps
+from qlvbayes.pipeline import derived
+from qlvbayes.pipeline.many import Tally, map_pads, run_pads
 from qlvbayes.pipeline.source import Source, pad_of, read_again
 from qlvbayes.pipeline.steps import (
     PLAIN,
@@ -46,7 +39,8 @@ from qlvbayes.pipeline.steps import (
     files_of_fit,
 )
 from qlvbayes.report.collect import runs_in
-from qlvbayes.report.page import write_report
+from qlvbayes.report.firstlook.looking import look_into
+from qlvbayes.report.page import MOST_ON_A_PAGE, write_report
 
 ChoicesOf = Callable[[Measurements], Choices]
 
@@ -115,18 +109,11 @@ def run_study(
     out, watcher, engine = Path(out), watcher or Watcher(), engine_of(client)
     part = Shard.from_text(shard) if shard else None
     source = file if isinstance(file, Source) else Source.from_files(file, only=pads, shard=part)
+    settings, thresholds = settings or Settings(), thresholds or DiagnosisSettings()
 
     def choices_of(study: Measurements) -> Choices:
         given = choices(study) if callable(choices) else choices
         return given or Choices(bonded=study.units.bonded_default)
-
-    settings, thresholds = settings or Settings(), thresholds or DiagnosisSettings()
-    reference_file = find_references(source.location, Path(references) if references else None)
-    whole = source.shard.count == 1
-    base = choices_of(source.whole)
-    if source.is_complete and whole:
-        _look_first(out, source, base, engine, watcher)
-    source = source.kept(out)
 
     def steps(study: Measurements) -> tuple[Step, ...]:
         chosen = choices_of(study)
@@ -137,7 +124,15 @@ def run_study(
             FinalStep(chosen, settings),
         )
 
-    done = run_steps(out, source, steps, engine=engine, watcher=watcher)
+    given = Path(references) if references else None
+    if given:
+        read_references(given)  # a file that cannot be used is refused before the work
+    place, whole = source.location, source.shard.count == 1
+    base = choices_of(source.whole)
+    if source.is_complete and whole:
+        _look_first(out, source, base, engine, watcher)
+    source = source.kept(out)
+    done = run_pads(out, source, steps, size=source.size, engine=engine, watcher=watcher)
     if not done.pads:
         done.raise_failed()
         return []
@@ -145,7 +140,7 @@ def run_study(
     used = {"sampler": settings, "thresholds": thresholds}
     record_run(out, "study", call, source.whole, base, settings.seed, used)
     if whole:
-        finish(out, done.pads, reference_file, settings.seed, watcher, engine)
+        finish(out, done.pads, given, place, settings.seed, watcher, engine)
     verdicts = [DiagnosisResult.read(out / name / "diagnosis.json") for name in done.pads]
     done.raise_failed(verdicts)
     return verdicts
@@ -166,18 +161,17 @@ def _look_first(
 
 
 @dataclass(frozen=True)
-class FinalStep:
+class FinalStep(Step):
     """Step of a pad after its diagnosis: the fit to all its tests, so that pads compare alike.
 
     Its model is the plain one, and what the verdict names. Where nothing is named, the plain fit is
     the last if it had all tests, and the check stays its own, which predicts tests left out.
     """
 
-    name: ClassVar[str] = "final"
-    needs: ClassVar[tuple[str, ...]] = ("diagnosis.json", *(f"{PLAIN}/{x}" for x in files_of_fit()))
-    leaves: ClassVar[tuple[str, ...]] = (*FitStep.leaves, *CheckStep.leaves)
-    code: ClassVar[tuple[str, ...]] = DiagnoseStep.code
-    within: ClassVar[str] = ""
+    name = "final"
+    needs = ("diagnosis.json", *(f"{PLAIN}/{x}" for x in files_of_fit()))
+    leaves = (*FitStep.leaves, *CheckStep.leaves)
+    code = DiagnoseStep.code
 
     choices: Choices
     settings: Settings = field(default_factory=Settings)
@@ -211,16 +205,20 @@ class FinalStep:
 def finish(
     out: Path,
     pads: Sequence[str],
-    references: ReferenceFile | None,
+    references: Path | None,
+    data: Path,
     seed: int,
     watcher: Watcher,
     engine: Engine | None = None,
 ) -> None:
     """Write what concerns all pads: constants, forces, comparisons and report."""
     with watcher.doing("figures of all pads"):
-        draw_constants(out, references)
-        draw_forces_at_rates(out)
-    compare_few(out, pads, seed, watcher)
+        derived.draw_constants(out, references, data)
+        derived.draw_forces_at_rates(out)
+    if len(pads) > MOST_ON_A_PAGE:
+        watcher.notice(derived.not_all_compared(f"{len(pads)} pads"))
+    else:
+        derived.compare_pairs(out, derived.saved_pads(out, pads), seed, watcher)
     with watcher.doing("report"):
         write_report(out, engine=engine)
 
@@ -234,10 +232,10 @@ def gather(
 ) -> Tally:
     """Write, of parts that were run apart, what an undivided run writes of all its pads."""
     watcher = watcher or Watcher()
-    pads = fitted_pads(out)
+    pads = derived.fitted_pads(out)
     seed = max((one.seed for one in runs_in(out).values()), default=0)
     data = Path(load(out / pads[0] / "posterior.nc").source).parent
-    finish(out, pads, find_references(data, references), seed, watcher, engine)
+    finish(out, pads, references, data, seed, watcher, engine)
     return Tally(tuple(pads), tuple(faults_in(out)))
 
 

@@ -43,16 +43,11 @@ NamesAmong = Callable[[Collection[str]], list[str]]
 """Function that finds names of pads in the user's words, of which known ones may hold commas."""
 
 
-def converted(files: Sequence[Path], pads: tuple[str, ...] = ()) -> Conversion:
-    """Convert files of testing machines without any answer of the user."""
-    return convert(files, Answers.from_words(pads=pads), without_faulty=True)
-
-
 @dataclass(frozen=True, eq=False)
 class Source:
     """Source of pads, each as a study of its own, in the order of the files and within them."""
 
-    files: tuple[Path, ...]  # tidy files where there are several, of which one is read at a time
+    files: tuple[Path, ...] = ()  # tidy files, of which one is read at a time
     only: tuple[str, ...] = ()  # names of the pads that are wanted, all by default
     read: Measurements | None = None  # measurements that are read: of one file, or of machines'
     folder: Path | None = None
@@ -84,7 +79,7 @@ class Source:
         if isinstance(measurements, str | Path):
             measurements = [measurements]
         if isinstance(measurements, Measurements):
-            return cls((), _known(measurements, named), measurements, shard=part)
+            return cls(only=_known(measurements, named), read=measurements, shard=part)
         paths = [Path(one) for one in measurements]
         files = [file for path in paths for file in files_at(path)]
         folder = paths[0] if len(paths) == 1 and paths[0].is_dir() else None
@@ -98,14 +93,14 @@ class Source:
             return _of_machines(machines, tidy, named, folder, part, convert, pad_names)
         if len(tidy) == 1 and folder is None:
             study = read_measurements(tidy[0])
-            return cls((tidy[0],), _known(study, named), study, shard=part)
+            return cls(only=_known(study, named), read=study, shard=part)
         _refuse_same_names(tidy)
         return cls(tuple(tidy), tuple(named(())), folder=folder, shard=part)
 
     @property
     def size(self) -> int:
         """Number of pads in this part; of several tidy files, the number of files."""
-        return len(self.shard.part([*self._read_pads, *self._streamed]))
+        return len(self.shard.part([*self._read_pads, *self.files]))
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -115,7 +110,7 @@ class Source:
     @property
     def is_complete(self) -> bool:
         """True if all pads are known, and no file is still to be read."""
-        return self.read is not None and not self._streamed
+        return self.read is not None and not self.files
 
     @property
     def location(self) -> Path:
@@ -137,17 +132,15 @@ class Source:
         pads = self._read_pads
         tests = ((pad.name, len(pad.tests)) for pad in pads)
         named = [f"pad {name} of {some} test{'' if some == 1 else 's'}" for name, some in tests]
-        named += [f"{each} with pads of its own"] * bool(self._streamed)
+        named += [f"{each} with pads of its own"] * bool(self.files)
         text = f"read: {listed(named)}"
         if self.conversion is not None and len(pads) == 1 and len(pads[0].tests) > 1:
             text += " (--pad NAME names it; --pad-from REGEX finds several pads in tests' names)"
-        if self._streamed:
+        if self.files:
             text += " (tests of one pad stand in one file; look FILES -o P.csv --pad P joins them)"
         return text
 
-    @property
-    def refusal(self) -> InputError:
-        """Return the refusal where none of the files has a pad of the names that are wanted."""
+    def _refusal(self) -> InputError:
         remedy = None
         if len(self.files) > 1 and len(self.only) == 1:
             (pad,), names = self.only, map(str, self.files)
@@ -171,9 +164,20 @@ class Source:
         return replace(self, read=study)
 
     def __iter__(self) -> Iterator[Measurements | Fault]:
-        """Yield a study of each pad, and a fault for each file that cannot be read."""
+        """Yield a study of each pad, and a fault for each file that cannot be read.
+
+        InputError, at the end, where none has a pad of the names that are wanted.
+        """
+        found = False
+        for one in self._all():
+            found = True
+            yield one
+        if not found and self.only and self.shard.count == 1:
+            raise self._refusal()
+
+    def _all(self) -> Iterator[Measurements | Fault]:
         yield from self.faults if self.shard.index == 1 else ()
-        every: list[Pad | Path] = [*self._read_pads, *self._streamed]
+        every: list[Pad | Path] = [*self._read_pads, *self.files]
         for entry in self.shard.part(every):
             if isinstance(entry, Pad):
                 assert self.read is not None
@@ -186,10 +190,6 @@ class Source:
                 continue
             for pad in self._selected(study):
                 yield alone(study, pad)
-
-    @property
-    def _streamed(self) -> tuple[Path, ...]:
-        return () if self.read is not None and self.conversion is None else self.files
 
     @cached_property
     def _read_pads(self) -> list[Pad]:
@@ -206,16 +206,19 @@ def _of_machines(
     named: NamesAmong,
     folder: Path | None,
     part: Shard,
-    convert: Convert | None,
+    given: Convert | None,
     pad_names: bool,
 ) -> Source:
     """Return the source of machines' files, which are read together, beside tidy ones."""
+    given = given or (
+        lambda files, pads: convert(files, Answers.from_words(pads=pads), without_faulty=True)
+    )
     names = () if tidy or not pad_names else tuple(named(()))
     faults: list[InputError] = []
     left = list(machines)
     while True:
         try:
-            conversion = (convert or converted)(left, names)
+            conversion = given(left, names)
             break
         except InputError as error:  # of all files, or of one that stops the others
             rest = [file for file in left if str(file) != str(error.file)]
@@ -272,11 +275,10 @@ def named_after(file: Path, study: Measurements) -> Measurements:
 
 def pad_of(study: Measurements, name: str) -> Measurements:
     """Return a study of one pad, by its name among several files or in its own."""
-    known: Collection[str] = [pad.name for pad in study.pads]
-    if name not in known:
-        several = named_after(Path(study.source), study)
-        if name in [pad.name for pad in several.pads]:
-            return alone(study, several.pad(name))
+    if name not in [pad.name for pad in study.pads]:
+        renamed = named_after(Path(study.source), study)
+        if name in [pad.name for pad in renamed.pads]:
+            return alone(study, renamed.pad(name))
     return alone(study, study.pad(name))
 
 
@@ -308,8 +310,10 @@ def files_at(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     named = (one for one in sorted(path.iterdir()) if one.is_file() and one.name != REFERENCES)
-    kinds = _NO_MEASUREMENTS
-    files = [x for x in named if not x.name.startswith(".") and x.suffix.lower() not in kinds]
+    files = [
+        x for x in named
+        if not x.name.startswith(".") and x.suffix.lower() not in _NO_MEASUREMENTS
+    ]  # fmt: skip
     if not files:
         remedy = "name a folder with files of them"
         raise InputError("no measurements in this folder", file=path, remedy=remedy)

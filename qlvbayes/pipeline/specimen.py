@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from qlvbayes.diagnosis.diagnose import SearchProgress, diagnose
 from qlvbayes.diagnosis.result import DiagnosisResult
@@ -44,7 +44,7 @@ class Specimen:
     def __repr__(self) -> str:
         """Return ``<pad B, 6 tests>``."""
         count = len(self.pad.tests)
-        return f"<pad {self.pad.name}, {count} {'test' if count == 1 else 'tests'}>"
+        return f"<pad {self.pad.name}, {count} test{'' if count == 1 else 's'}>"
 
     @cached_property
     def experiment(self) -> Experiment:
@@ -199,12 +199,12 @@ class Study(Measurements):
         ``choices`` and the other options are those of `Specimen.diagnose`, ``client`` and the
         errors those of `fit`.
         """
-        return self._each(partial(_diagnosed, choices, options), client)
+        return self._each(partial(_result_of, methodcaller("diagnose", choices, **options)), client)
 
     def _each(self, task: Callable[[Specimen], Answer], client: Any) -> dict[str, Answer]:
         outcomes = list(run_all(task, map(Specimen, self.pads), engine_of(client)))
         named = [(one.item.pad.name, one) for one in outcomes]
-        results = {k: cast(Answer, one.answer) for k, one in named if one.fault is None}
+        results: dict[str, Answer] = {k: one.answer for k, one in named if one.fault is None}
         faults = [replace(one.fault, of=f"pad {k}") for k, one in named if one.fault is not None]
         if faults:
             raise FailedError(faults, len(self), list(results.values()))
@@ -212,14 +212,12 @@ class Study(Measurements):
 
     @cached_property
     def _specimens(self) -> dict[str, Specimen]:
-        """Specimens by name, each made once, so that its tests are prepared once."""
+        # each is made once, so that its tests are prepared once
         return {pad.name: Specimen(pad) for pad in self.pads}
 
 
-def _diagnosed(
-    choices: Choices | None, options: dict[str, Any], specimen: Specimen
-) -> DiagnosisResult:
-    return specimen.diagnose(choices, **options).result
+def _result_of(diagnosed: Callable[[Specimen], Diagnosis], specimen: Specimen) -> DiagnosisResult:
+    return diagnosed(specimen).result
 
 
 def read_study(path: str | Path | Sequence[str | Path]) -> Study:

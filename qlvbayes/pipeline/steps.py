@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from msgspec.structs import replace
 
@@ -61,8 +61,8 @@ class Watcher:
         """Begin sampling; yield a function that receives the steps done and the steps to do."""
         return nullcontext(lambda *words: None)
 
-    def notice(self, text: str) -> None:
-        """Receive something that the user should know."""
+    def notice(self, *texts: str) -> None:
+        """Receive what the user should know."""
 
     def looked(self, look: FirstLook, figures: Sequence[Path]) -> None:
         """Receive the first look at the tests, before anything is fitted."""
@@ -91,31 +91,32 @@ class Watcher:
         """Receive the verdict on a pad, its paragraphs in words and its figures."""
 
 
-class Step(Protocol):
-    """One step of one pad: a frozen record of its settings, which can be pickled."""
+@dataclass(frozen=True)
+class Step:
+    """One step of one pad: a frozen record of its settings, which can be pickled.
+
+    within: Folder within that of the pad; an empty text for the pad's own.
+    """
 
     name: ClassVar[str]
-    needs: ClassVar[tuple[str, ...]]  # files in its folder that it reads
+    needs: ClassVar[tuple[str, ...]] = ()  # files in its folder that it reads
     leaves: ClassVar[tuple[str, ...]]  # files that it always writes there
     code: ClassVar[tuple[str, ...]]  # folders of the package that its numbers depend on
 
+    within: str = field(default="", kw_only=True)
+
     @property
-    def within(self) -> str:
-        """Folder within that of the pad; an empty text for the pad's own."""
-        ...
+    def label(self) -> str:
+        """Name under which it is recorded as finished."""
+        return f"{self.within}-{self.name}" if self.within else self.name
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
         """Do the step for the one pad of ``study``; the watcher receives only its progress."""
-        ...
+        raise NotImplementedError
 
     def report(self, folder: Path, watcher: Watcher) -> None:
         """Report the results that lie in the folder."""
-        ...
-
-
-def label_of(step: Step) -> str:
-    """Return the name under which a step is recorded as finished."""
-    return f"{step.within}-{step.name}" if step.within else step.name
+        raise NotImplementedError
 
 
 def is_finished(out: Path, step: str, pad: str, key: str, folder: Path) -> bool:
@@ -131,13 +132,12 @@ def is_finished(out: Path, step: str, pad: str, key: str, folder: Path) -> bool:
 
 def record_finished(out: Path, step: str, pad: str, key: str, files: dict[str, str]) -> Path:
     """Record that a step is finished, with the digests of the files that it wrote by name."""
-    return _recorded(_file(out, step, pad), key=key, files=files)
+    return _recorded(out, step, pad, key=key, files=files)
 
 
 def record_fault(out: Path, name: str, fault: Fault) -> None:
     """Record why a pad, or a file that could not be read, has no results."""
-    file = _file(out, _FAILED, name)
-    _recorded(file, fault=fault.text, mendable=fault.mendable, of=fault.of)
+    _recorded(out, _FAILED, name, fault=fault.text, mendable=fault.mendable, of=fault.of)
 
 
 def forget_fault(out: Path, name: str) -> None:
@@ -162,7 +162,8 @@ def digest_of(path: Path) -> str:
         return ""
 
 
-def _recorded(file: Path, **content: Any) -> Path:
+def _recorded(out: Path, step: str, name: str, **content: Any) -> Path:
+    file = _file(out, step, name)
     file.parent.mkdir(parents=True, exist_ok=True)
     write_json(file, content)
     return file
@@ -173,23 +174,21 @@ def _file(out: Path, step: str, name: str) -> Path:
 
 
 @dataclass(frozen=True)
-class FitStep:
+class FitStep(Step):
     """Step that samples a pad's posterior; relaxation.json and figures are left where they apply.
 
     choices: the model; method: way to the constants; all_tests: whether tests that would validate
-    are fitted too; settings: those of the sampler; within: folder within that of the pad.
+    are fitted too; settings: those of the sampler.
     """
 
-    name: ClassVar[str] = "fit"
-    needs: ClassVar[tuple[str, ...]] = ()
-    leaves: ClassVar[tuple[str, ...]] = ("posterior.nc", "summary.json")
-    code: ClassVar[tuple[str, ...]] = FITTED
+    name = "fit"
+    leaves = ("posterior.nc", "summary.json")
+    code = FITTED
 
     choices: Choices
     method: str = "emcee"
     all_tests: bool = False
     settings: Settings = field(default_factory=Settings)
-    within: str = ""
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
         """Fit the pad and save the fit; a killed run continues its chain."""
@@ -202,8 +201,7 @@ class FitStep:
         results_folder(folder)
         pulls = pull_notices(experiment, bonded=used.bonded, effects=used.effects)
         notices = (*experiment.notices, *pulls)
-        for text in notices:
-            watcher.notice(text)
+        watcher.notice(*notices)
         watcher.starting(_starting_lines(experiment, used, sampled=sampled))
         chain = folder / "chain"
         with watcher.sampling(f"pad {pad.name}: {self.method}") as progress:
@@ -229,25 +227,22 @@ class FitStep:
     def report(self, folder: Path, watcher: Watcher) -> None:
         """Report the fit in the folder."""
         summary = FitSummary.read(folder / "summary.json")
-        for text in summary.notices:
-            watcher.notice(text)
         priors = json.loads(facts_of(folder / "posterior.nc").get("priors", "{}"))
-        for text in pulled(summary, priors):
-            watcher.notice(f"pad {summary.pad}: {text}")
+        far = (f"pad {summary.pad}: {text}" for text in pulled(summary, priors))
+        watcher.notice(*summary.notices, *far)
         watcher.fitted(summary)
 
 
 @dataclass(frozen=True)
-class CheckStep:
+class CheckStep(Step):
     """Step that predicts every test of a pad from the fit in its folder; it leaves figures too."""
 
-    name: ClassVar[str] = "check"
-    needs: ClassVar[tuple[str, ...]] = ("posterior.nc",)
-    leaves: ClassVar[tuple[str, ...]] = ("check.json", "curves.json")
-    code: ClassVar[tuple[str, ...]] = FITTED
+    name = "check"
+    needs = ("posterior.nc",)
+    leaves = ("check.json", "curves.json")
+    code = FITTED
 
     seed: int = 0
-    within: str = ""
 
     def run(self, folder: Path, study: Measurements, watcher: Watcher) -> None:
         """Check the fit in the folder."""
@@ -261,23 +256,20 @@ class CheckStep:
     def report(self, folder: Path, watcher: Watcher) -> None:
         """Report the check in the folder."""
         check = CheckResult.read(folder / "check.json")
-        for text in check.notices:
-            watcher.notice(text)
+        watcher.notice(*check.notices)
         watcher.checked(check)
 
 
 @dataclass(frozen=True)
-class DiagnoseStep:
+class DiagnoseStep(Step):
     """Step that finds which effect a pad's model lacks; it leaves figures too.
 
     choices: the model to start from; seed: that of the search; thresholds: what a verdict needs.
     """
 
-    name: ClassVar[str] = "diagnose"
-    needs: ClassVar[tuple[str, ...]] = ()
-    leaves: ClassVar[tuple[str, ...]] = ("diagnosis.json", "diagnosis.txt", HYPOTHESES)
-    code: ClassVar[tuple[str, ...]] = (*FITTED, "diagnosis", "comparison", "use")
-    within: ClassVar[str] = ""
+    name = "diagnose"
+    leaves = ("diagnosis.json", "diagnosis.txt", HYPOTHESES)
+    code = (*FITTED, "diagnosis", "comparison", "use")
 
     choices: Choices
     seed: int = 0
@@ -312,8 +304,7 @@ class DiagnoseStep:
     def report(self, folder: Path, watcher: Watcher) -> None:
         """Report the verdict in the folder."""
         result = DiagnosisResult.read(folder / "diagnosis.json")
-        for text in result.notices:
-            watcher.notice(text)
+        watcher.notice(*result.notices)
         words = (folder / "diagnosis.txt").read_text(encoding="utf-8").strip().split("\n\n")
         figures = [path for path in pictures_of("diagnose", folder) if path.exists()]
         watcher.diagnosed(result, words, figures)
@@ -321,11 +312,13 @@ class DiagnoseStep:
 
 def files_of_fit(step: str = "") -> tuple[str, ...]:
     """Return the files that a fit and its check may leave, or those of one of these steps."""
-    files = [*FitStep.leaves, "relaxation.json", "relaxation.txt"] if step != CheckStep.name else []
-    files += CheckStep.leaves if step != FitStep.name else ()
-    figures = (
-        one.name for name in ("fit", "check") if step in ("", name) for one in figures_of(name)
-    )
+    own = {
+        "fit": (*FitStep.leaves, "relaxation.json", "relaxation.txt"),
+        "check": CheckStep.leaves,
+    }
+    steps = [step] if step else list(own)
+    figures = (one.name for name in steps for one in figures_of(name))
+    files = (file for name in steps for file in own[name])
     return (*files, *(f"{name}.{kind}" for name in figures for kind in ("png", "pdf")))
 
 

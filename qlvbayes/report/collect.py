@@ -13,7 +13,7 @@ import numpy as np
 from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.diagnosis.result import DiagnosisResult
 from qlvbayes.fitting.ensemble import diagnose_chain
-from qlvbayes.fitting.residuals import CheckResult, Curves
+from qlvbayes.fitting.residuals import CheckResult
 from qlvbayes.fitting.results import Run, RunLog, load
 from qlvbayes.fitting.summary import Constant, FitSummary, constant_of, lasting_of, pulled
 from qlvbayes.io.checks import InputError
@@ -29,17 +29,12 @@ MARKS = ("posterior.nc", "summary.json", "check.json", "diagnosis.json")
 
 @dataclass(frozen=True)
 class FitResults:
-    """Results of one fit: constants, check, curves, and how it was made; None where not done."""
+    """Results of one fit: constants, check, and how it was made; None where not done."""
 
     folder: Path
     summary: FitSummary | None
     check: CheckResult | None
     facts: dict  # the attributes of ``posterior.nc``
-
-    @property
-    def curves(self) -> Curves | None:
-        """Curves of the tests, which only a pad's own page reads."""
-        return read_if_there(Curves, self.folder / "curves.json")
 
     @property
     def effects(self) -> list[str]:
@@ -142,19 +137,19 @@ class Results:
 def collect(out: Path) -> Results:
     """Read a folder of results; InputError where there is none or a file of it is damaged."""
     folders = pad_folders(out)
-    compared = [_compared(path.parent) for path in sorted(out.glob("compare/*/compare.json"))]
-    return Results(out, tuple(map(pad_in, folders)), tuple(compared), runs_in(out))
+    compared = tuple(
+        Compared(file.parent, Comparison.read(file), _paragraphs(file.with_suffix(".txt")))
+        for file in sorted(out.glob("compare/*/compare.json"))
+    )
+    return Results(out, tuple(map(pad_in, folders)), compared, runs_in(out))
 
 
 def pad_folders(out: Path) -> list[Path]:
     """Return the folders of all pads; raise InputError where there are none."""
     folders = [path for path in sorted(out.glob("*")) if any((path / m).exists() for m in MARKS)]
     if not folders:
-        raise InputError(
-            "no results in this folder",
-            file=out,
-            remedy=f"run {as_typed('qlvbayes', 'study', 'FILE', '-o', str(out))} first",
-        )
+        remedy = f"run {as_typed('qlvbayes', 'study', 'FILE', '-o', str(out))} first"
+        raise InputError("no results in this folder", file=out, remedy=remedy)
     return folders
 
 
@@ -166,18 +161,13 @@ def runs_in(out: Path) -> dict[str, Run]:
 
 def pad_in(folder: Path) -> PadResults:
     """Return one pad, as far as it is there."""
-    final = _model(folder)
-    baseline = folder / "plain"
+    final, plain = _model(folder), folder / "plain"
+    baseline = _model(plain) if plain.is_dir() else None
     diagnosis = read_if_there(DiagnosisResult, folder / "diagnosis.json")
     named = [part.pad for part in (final.summary, final.check, diagnosis) if part]
-    return PadResults(
-        str(named[0] if named else final.facts.get("pad", folder.name)),
-        folder,
-        final,
-        _model(baseline) if baseline.is_dir() else None,
-        diagnosis,
-        _paragraphs(folder / "diagnosis.txt"),
-    )
+    name = str(named[0] if named else final.facts.get("pad", folder.name))
+    words = _paragraphs(folder / "diagnosis.txt")
+    return PadResults(name, folder, final, baseline, diagnosis, words)
 
 
 def _model(folder: Path) -> FitResults:
@@ -187,11 +177,6 @@ def _model(folder: Path) -> FitResults:
         summary, described = summary_of_draws(draws)
         facts = described | facts
     return FitResults(folder, summary, read_if_there(CheckResult, folder / "check.json"), facts)
-
-
-def _compared(folder: Path) -> Compared:
-    comparison = Comparison.read(folder / "compare.json")
-    return Compared(folder, comparison, _paragraphs(folder / "compare.txt"))
 
 
 def read_if_there(kind: type[Kind], path: Path) -> Kind | None:
@@ -232,9 +217,8 @@ def _as_python(value: object) -> object:
 
 
 def _damaged(path: Path) -> InputError:
-    return InputError(
-        "cannot be read as results of qlvbayes", file=path, remedy="run the command again"
-    )
+    what = "cannot be read as results of qlvbayes"
+    return InputError(what, file=path, remedy="run the command again")
 
 
 def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:
@@ -243,19 +227,15 @@ def summary_of_draws(path: Path) -> tuple[FitSummary, dict]:
     kinds = {name: f.unit for f in described_fields(saved.choices) for name in f.names}
     judged = diagnose_chain(saved.constants)
     troubles = tuple(judged.troubles)
+    parameters = {
+        name: constant_of(saved.constants[..., k], saved.units.of(kinds[name]), k, judged)
+        for k, name in enumerate(saved.names)
+    }
     summary = FitSummary(
-        pad=saved.pad,
-        units=saved.units,
-        effects=saved.choices.effects,
-        sampler=saved.method,
-        converged=not troubles,
-        troubles=troubles,
+        pad=saved.pad, units=saved.units, effects=saved.choices.effects, sampler=saved.method,
+        converged=not troubles, troubles=troubles, parameters=parameters,
         never_relaxes=lasting_of(saved.choices, saved.names, saved.constants),
-        parameters={
-            name: constant_of(saved.constants[..., k], saved.units.of(kinds[name]), k, judged)
-            for k, name in enumerate(saved.names)
-        },
-    )
+    )  # fmt: skip
     facts = {
         "displacement_unit": saved.units.displacement,
         "force_unit": saved.units.force,

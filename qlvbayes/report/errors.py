@@ -60,11 +60,10 @@ class ErrorTable:
         cells, worst, noise = self.check.cells, self.check.worst, self.check.noise
         head = f"{self.name}, {self.basis}:"
         if worst is None:
-            largest = max(cells, key=lambda cell: cell.rmse)
-            limit = largest.limit
-            above = "" if limit is None else (
-                f"; it would fail above {with_unit(number(limit, 2, zeros=True), unit)}"
-            )  # fmt: skip
+            largest, above = max(cells, key=lambda cell: cell.rmse), ""
+            if largest.limit is not None:
+                limit = with_unit(number(largest.limit, 2, zeros=True), unit)
+                above = f"; it would fail above {limit}"
             return (
                 f"{head} fails in none of {len(cells)} phases of tests: no error is beyond what "
                 "noise and all that the fit leaves open (constants, zeros) can do there. The "
@@ -94,11 +93,7 @@ def repeated(check: CheckResult) -> list[tuple[str, str, str, str]]:
     for cycle in check.cycles:
         rows.setdefault((cycle.test, cycle.phase), []).append((cycle.rmse, cycle.bias))
     return [
-        (
-            test,
-            NAMES.get(phase, phase),
-            ", ".join(f"{rmse / check.noise:.1f}" for rmse, _ in one),
-            ", ".join(number(bias, 2) for _, bias in one),
-        )
+        (test, NAMES.get(phase, phase), ", ".join(f"{rmse / check.noise:.1f}" for rmse, _ in one),
+         ", ".join(number(bias, 2) for _, bias in one))
         for (test, phase), one in rows.items()
-    ]
+    ]  # fmt: skip

@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image
 
 from qlvbayes.diagnosis.phrases import model_name
-from qlvbayes.fitting.residuals import TestCurves
+from qlvbayes.fitting.residuals import Curves, TestCurves
 from qlvbayes.plots.catalogue import FIGURES
-from qlvbayes.report.collect import PadResults
+from qlvbayes.report.collect import PadResults, read_if_there
 
 _DPI, _CSS_DPI = 200, 96
 _MM = 25.4 / _CSS_DPI  # mm, a pixel of the page
@@ -60,14 +60,9 @@ class Embedder:
         if kept:
             self._left -= len(text)
         entry = next(one for one in FIGURES if one.name == name)
-        return Picture(
-            alt=entry.shows.format(of=of),
-            see=entry.see,
-            source=f"data:image/png;base64,{text}" if kept else None,
-            width=width,
-            height=height,
-            path=str(path.relative_to(self._out)),
-        )
+        source = f"data:image/png;base64,{text}" if kept else None
+        where = str(path.relative_to(self._out))
+        return Picture(entry.shows.format(of=of), entry.see, source, width, height, where)
 
 
 def _small(path: Path) -> tuple[int, int, bytes]:
@@ -91,60 +86,43 @@ _BAND = 1.645  # sds on either side that hold 90 % of normal noise
 
 def chart_of(pad: PadResults) -> dict | None:
     """Return the curves that the script draws for one pad; None where there are none."""
-    curves = pad.final.curves
+    curves = read_if_there(Curves, pad.folder / "curves.json")
     if curves is None or not curves.tests:
         return None
     check, plain = pad.final.check, pad.baseline
-    other = plain.curves if plain and plain.effects != pad.final.effects else None
+    other = None
+    if plain and plain.effects != pad.final.effects:
+        other = read_if_there(Curves, plain.folder / "curves.json")
     before = {test.test: test for test in other.tests} if other else {}
     # the slowest first, as in the figures; tests without a rate are last
     tests = sorted(curves.tests, key=lambda test: inf if test.rate is None else test.rate)
     limits = {(c.test, c.phase): c.limit for c in check.cells} if check else {}
+    names = [test.test for test in tests]
+    # the test that is shown first: where a model fails worst, else the fastest
+    checks = [model.check for model in (pad.final, plain) if model and model.check]
+    worst = [c.worst.test for c in checks if c.worst and c.worst.test in names]
+    drawn = []
+    for test in tests:
+        # half the width of the band of noise: it holds 90 % of the readings, or where noise that
+        # moves a whole phase may do more, all that does not count as failing there
+        own = [limits.get((test.test, kind)) or 0.0 for kind in test.phase]
+        floor = [max(_BAND * curves.noise, limit) for limit in own]
+        drawn.append(_test(test, before.get(test.test), floor) | {"speed": pad.speed_unit})
     return {
-        "unit": curves.force_unit,
-        "name": curves.force_name,
+        "unit": curves.force_unit, "name": curves.force_name,
         "model": model_name(pad.final.effects),
-        "first": _first(pad, [test.test for test in tests]),
-        "tests": [
-            _test(test, before.get(test.test), pad, _floor(test, curves.noise, limits))
-            for test in tests
-        ],
-    }
+        "first": names.index(worst[0]) if worst else len(names) - 1, "tests": drawn,
+    }  # fmt: skip
 
 
-def _first(pad: PadResults, names: list[str]) -> int:
-    """Return the test that is shown first: where a model fails worst, else the fastest."""
-    for model in (pad.final, pad.baseline):
-        worst = model.check.worst if model and model.check else None
-        if worst and worst.test in names:
-            return names.index(worst.test)
-    return len(names) - 1
-
-
-def _floor(test: TestCurves, noise: float, limits: dict) -> list[float]:
-    """Return the half width of the band of noise, sample by sample.
-
-    It holds 90 % of the readings, or where noise that moves a whole phase may do more, all that
-    does not count as failing there.
-    """
-    return [max(_BAND * noise, limits.get((test.test, kind)) or 0.0) for kind in test.phase]
-
-
-def _test(test: TestCurves, before: TestCurves | None, pad: PadResults, floor: list[float]) -> dict:
+def _test(test: TestCurves, before: TestCurves | None, floor: list[float]) -> dict:
     rows = list(_rows(test.phase))
     baseline = before.mean if before and before.time == test.time else None
-    columns = {
-        "t": test.time,
-        "observed": test.observed,
-        "mean": test.mean,
-        "low": test.low,
-        "high": test.high,
-        "floor": floor,
-    }
+    columns = {"t": test.time, "floor": floor}
+    columns |= {name: getattr(test, name) for name in ("observed", "mean", "low", "high")}
     return {
         "name": test.test,
         "rate": None if test.rate is None else float(f"{test.rate:.3g}"),
-        "speed": pad.speed_unit,
         "fitted": test.role == "fit",
         "phases": [[p.kind, p.start, p.stop] for p in test.phases],
         **{name: [values[k] for k in rows] for name, values in columns.items()},

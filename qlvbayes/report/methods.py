@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 from qlvbayes.comparison.contrast import DECIDED, EQUAL
 from qlvbayes.fitting.summary import FitSummary
@@ -14,26 +15,28 @@ from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
 from qlvbayes.report.collect import PadResults, Results
-from qlvbayes.report.settings import settings_rows
 
 
 def methods_of(results: Results) -> dict[str, Any]:
     """Return model, inference and provenance, as far as the results' files say them."""
-    choices = _choices(results)
+    choices, runs = _choices(results), list(results.runs.values())
     law, relaxation = _laws(choices)
     noise = str(choices.get("noise", DASH))
-    runs = list(results.runs.values())
+    bonded, loose = (
+        "bonded: the specimen can pull",
+        "loose: the pad cannot pull, so that its force is never negative",
+    )
+    recorded = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
+    used = next((settings for settings in recorded if settings), None)
     facts = [pad.final.facts for pad in results.pads]
     seeds = {str(int(f["seed"])) for f in facts if "seed" in f} | {str(run.seed) for run in runs}
     return {
         "law": law,
         "relaxation": relaxation,
-        "contact": "bonded: the specimen can pull"
-        if choices.get("bonded")
-        else "loose: the pad cannot pull, so that its force is never negative",
+        "contact": bonded if choices.get("bonded") else loose,
         "noise": NOISES[noise].words if noise in NOISES else noise,
         "effects": sorted({e for pad in results.pads for e in pad.final.effects}),
-        "settings": _settings(results),
+        "settings": settings_rows(used.thresholds) if used else [],
         "comparisons": _comparisons(results),
         "bases": [_basis(pad) for pad in results.pads],
         "sources": sorted(_sources(results)),
@@ -58,11 +61,18 @@ def _laws(choices: dict) -> tuple[str, str]:
     return elastic.law, relaxation.law + modes * given.is_prony
 
 
-def _settings(results: Results) -> list[tuple[str, str]]:
-    """Return the settings of the first diagnosis."""
-    recorded = (pad.diagnosis.settings for pad in results.pads if pad.diagnosis)
-    used = next((settings for settings in recorded if settings), None)
-    return settings_rows(used.thresholds) if used else []
+def settings_rows(settings: object) -> list[tuple[str, str]]:
+    """Return each setting in words with its value; those of a part stand in its place."""
+    assert is_dataclass(settings)
+    hints, rows = get_type_hints(type(settings), include_extras=True), []
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        if is_dataclass(value):
+            rows += settings_rows(value)
+        else:
+            (words,) = hints[field.name].__metadata__
+            rows.append((words, f"{value:g}"))
+    return rows
 
 
 def _comparisons(results: Results) -> str:
@@ -148,21 +158,20 @@ def _sampler(facts: dict, summary: FitSummary | None) -> str:
     method = str(facts.get("method") or (summary.sampler if summary else DASH))
     if "walkers" not in facts:
         return method
+    constants = list(summary.parameters.values()) if summary else []
+    hats = [c.r_hat for c in constants if c.r_hat is not None]
+    sizes = [c.ess_bulk for c in constants if c.ess_bulk is not None]
+    quality = ""
+    if hats and sizes:
+        quality = (
+            f"; largest R-hat {max(hats):.3f}, smallest effective sample size {min(sizes):.0f}"
+        )
     return (
         f"{method}: {number(facts['walkers'])} walkers, {number(facts['kept_steps'], 6)} of "
         f"{number(facts['steps'], 6)} steps kept, autocorrelation time "
         f"{number(facts['autocorrelation_steps'])} steps, acceptance "
-        f"{percent_unbroken(facts['acceptance'])}{_quality(summary)}"
+        f"{percent_unbroken(facts['acceptance'])}{quality}"
     )
-
-
-def _quality(summary: FitSummary | None) -> str:
-    constants = summary.parameters.values() if summary else ()
-    hats = [c.r_hat for c in constants if c.r_hat is not None]
-    sizes = [c.ess_bulk for c in constants if c.ess_bulk is not None]
-    if not hats or not sizes:
-        return ""
-    return f"; largest R-hat {max(hats):.3f}, smallest effective sample size {min(sizes):.0f}"
 
 
 def uses_of(results: Results) -> list[tuple[str, str]]:
@@ -198,13 +207,11 @@ def _program(pad: PadResults) -> str:
 
 def exports_of(results: Results) -> list[tuple[str, Path, list[str]]]:
     """Return pad, folder and files of what was exported already."""
-    folders = [(pad, one) for pad in results.pads for one in sorted(pad.folder.glob("export/*"))]
+    folders = [
+        (pad.name, one) for pad in results.pads for one in sorted(pad.folder.glob("export/*"))
+    ]
     return [
-        (
-            pad.name,
-            one.relative_to(results.out),
-            sorted(p.name for p in one.iterdir() if p.is_file()),
-        )
-        for pad, one in folders
+        (name, one.relative_to(results.out), sorted(p.name for p in one.iterdir() if p.is_file()))
+        for name, one in folders
         if one.is_dir()
     ]

@@ -22,17 +22,7 @@ from qlvbayes.motion.phases import NAMES
 from qlvbayes.parallel.engines import Engine
 from qlvbayes.parallel.running import FailedError, run_all
 from qlvbayes.plots.catalogue import FIGURES
-from qlvbayes.report import questions
-from qlvbayes.report.collect import (
-    MARKS,
-    PadResults,
-    Results,
-    collect,
-    pad_folders,
-    pad_in,
-    read_if_there,
-    runs_in,
-)
+from qlvbayes.report import collect, questions
 from qlvbayes.report.errors import repeated
 from qlvbayes.report.figures import Embedder, chart_of
 from qlvbayes.report.methods import exports_of, methods_of, source_name, uses_of
@@ -45,15 +35,17 @@ MOST_ON_A_PAGE = 24
 _CONSTANTS = 12  # columns of constants in that table: those of most pads come first
 
 
-def page(results: Results) -> str:
+def page(results: collect.Results) -> str:
     """Return the whole HTML text; nothing in it refers to anything outside it."""
     remedies, embed = _remedies(results), Embedder(results.out)
     compared = [
         (one, embed(one.folder, "contrasts", " over ".join(one.comparison.names)))
         for one in results.comparisons
     ]
+    names = [pad.name for pad in results.pads]
+    alone = wording.capitalized(results.pads[0].title)
     return _template().render(
-        title=_title(results),
+        title=alone if len(names) == 1 else f"Pads {joined(names)}",
         source=source_name(results),
         pads=results.pads,
         pictures={
@@ -72,20 +64,13 @@ def page(results: Results) -> str:
     )
 
 
-def _relaxation(pad: PadResults) -> tuple[str, ...]:
+def _relaxation(pad: collect.PadResults) -> tuple[str, ...]:
     """Return lines on the tests that were held; none where there are no such tests."""
-    fitted = read_if_there(RelaxationReport, pad.folder / "relaxation.json")
+    fitted = collect.read_if_there(RelaxationReport, pad.folder / "relaxation.json")
     return () if fitted is None else tuple(fitted.text().splitlines())
 
 
-def _title(results: Results) -> str:
-    names = [pad.name for pad in results.pads]
-    if len(names) == 1:
-        return wording.capitalized(results.pads[0].title)
-    return f"Pads {joined(names)}"
-
-
-def _remedies(results: Results) -> dict[str, str]:
+def _remedies(results: collect.Results) -> dict[str, str]:
     """Return the command of each step that may have been left out."""
     out, file = results.typed, source_name(results) or "FILE"
     fit, diagnose = (as_typed("qlvbayes", step, file, "-o", out) for step in ("fit", "diagnose"))
@@ -100,12 +85,9 @@ def _remedies(results: Results) -> dict[str, str]:
 @cache
 def _template(name: str = "report"):  # type: ignore[no-untyped-def]
     environment = Environment(
-        loader=PackageLoader("qlvbayes.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+        loader=PackageLoader("qlvbayes.report"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
     environment.globals |= {
         "asset": _asset, "phase_names": NAMES, "repeated": repeated, "stage_name": stage_name,
         "parts_of": parts, "box_of": verdict_box, "chart_of": chart_of,
@@ -154,67 +136,50 @@ def write_report(out: str | Path, *, engine: Engine | None = None) -> Path:
     """
     folder = Path(out)
     path = folder / REPORT
-    if len(folders := pad_folders(folder)) <= MOST_ON_A_PAGE:
-        write_whole(path, page(collect(folder)).encode())
+    if len(folders := collect.pad_folders(folder)) <= MOST_ON_A_PAGE:
+        write_whole(path, page(collect.collect(folder)).encode())
         return path
-    old = [one for one in folders if _is_older(one / REPORT, one)]
+    old = [one for one in folders if _is_older(one)]
     shared = engine if engine is not None and engine.shares_disk else None
     for outcome in run_all(partial(_write_own, folder), old, shared):
         if outcome.fault is not None:
             raise FailedError([outcome.fault], 1)
-    rows = [_overview_row(pad_in(one)) for one in folders]
+    rows = [_overview_row(collect.pad_in(one)) for one in folders]
+    constants = Counter(name for row in rows for name in row["constants"])
     text = _template("overview").render(
-        title=f"{len(folders)} pads",
-        rows=rows,
+        title=f"{len(folders)} pads", rows=rows,
         verdicts=Counter(row["verdict"] for row in rows).most_common(),
-        constants=[
-            name
-            for name, _ in Counter(n for row in rows for n in row["constants"]).most_common(
-                _CONSTANTS
-            )
-        ],
-        commands=[run.command for run in runs_in(folder).values()],
-    )
+        constants=[name for name, _ in constants.most_common(_CONSTANTS)],
+        commands=[run.command for run in collect.runs_in(folder).values()],
+    )  # fmt: skip
     write_whole(path, text.encode())
     return path
 
 
 def _write_own(out: Path, folder: Path) -> None:
     """Write the page of one pad of many into its own folder."""
-    results = Results(folder, (pad_in(folder),), (), runs_in(out))
+    results = collect.Results(folder, (collect.pad_in(folder),), (), collect.runs_in(out))
     write_whole(folder / REPORT, page(results).encode())
 
 
-def _is_older(page: Path, folder: Path) -> bool:
+def _is_older(folder: Path) -> bool:
     """Return whether a pad's page is missing, or older than its results."""
-    if not page.exists():
-        return True
-    made = page.stat().st_mtime_ns
-    return any(f.stat().st_mtime_ns > made for m in MARKS if (f := folder / m).exists())
+    made = (page := folder / REPORT).exists() and page.stat().st_mtime_ns
+    return any(f.stat().st_mtime_ns > made for m in collect.MARKS if (f := folder / m).exists())
 
 
-def _overview_row(pad: PadResults) -> dict[str, Any]:
-    """Return what the table of many pads says of one.
-
-    ``constants`` are medians by name, as they are shown and as values to sort by.
-    """
+def _overview_row(pad: collect.PadResults) -> dict[str, Any]:
     check, d = pad.final.check, pad.diagnosis
-    worst = (
-        max((over_floor(cell, check.noise) for cell in check.cells), default=None)
-        if check
-        else None
-    )
+    over = [over_floor(cell, check.noise) for cell in check.cells] if check else []
+    constants = {  # medians, as they are shown and as values to sort by
+        f"{name} ({c.unit})" if c.unit != "1" else name: (to_sd(c.median, c.sd), c.median)
+        for name, c in pad.parameters.items()
+        if not name.startswith("noise.")
+    }
     return {
-        "pad": pad.name,
-        "folder": pad.folder.name,
-        "fluid": pad.fluid or "",
+        "pad": pad.name, "folder": pad.folder.name, "fluid": pad.fluid or "",
         "verdict": BADGES[d.verdict] if d else "not diagnosed",
         "named": ", ".join(shown_effects(d)) if d else "",
         "fails": len(check.failing) if check else None,  # phases with structure beyond noise
-        "worst": "" if worst is None else wording.number(worst, 2),
-        "constants": {
-            f"{name} ({c.unit})" if c.unit != "1" else name: (to_sd(c.median, c.sd), c.median)
-            for name, c in pad.parameters.items()
-            if not name.startswith("noise.")
-        },
-    }
+        "worst": wording.number(max(over), 2) if over else "", "constants": constants,
+    }  # fmt: skip

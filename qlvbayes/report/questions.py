@@ -11,16 +11,9 @@ from qlvbayes.comparison.contrast import Comparison
 from qlvbayes.effects.catalogue import find
 from qlvbayes.effects.effect import Level
 from qlvbayes.fitting.summary import Constant, FitSummary
+from qlvbayes.io import wording
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.wording import (
-    NBSP,
-    capitalized,
-    ends,
-    joined,
-    number,
-    percent_unbroken,
-    with_unit,
-)
+from qlvbayes.io.wording import NBSP, joined, number, percent_unbroken, with_unit
 from qlvbayes.laws.catalogue import find_elastic, find_relaxation
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.noise import NOISES
@@ -50,24 +43,18 @@ def constants_in_units(pads: Sequence[PadResults]) -> list[tuple[str, str]]:
 
     Pads may be in other units, and a constant of the same name has another unit in another law.
     """
-    return [
-        (name, unit)
-        for name in constant_names(pads)
-        for unit in dict.fromkeys(
-            pad.parameters[name].unit for pad in pads if name in pad.parameters
-        )
-    ]
+    every = [(name, c.unit) for pad in pads for name, c in pad.parameters.items()]
+    names = constant_names(pads)
+    return sorted(dict.fromkeys(every), key=lambda one: names.index(one[0]))
 
 
 def meanings(pads: Sequence[PadResults]) -> dict[str, str]:
     """Return what each constant of the pads means."""
-    known = {
-        kind.prefix + name: text for kind in NOISES.values() for name, text in kind.meanings.items()
-    }
-    for pad in pads:
-        known |= _of_laws(pad)
+    kinds = NOISES.values()
+    known = {kind.prefix + name: text for kind in kinds for name, text in kind.meanings.items()}
     acting: dict[str, list[str]] = {}
     for pad in pads:
+        known |= _of_laws(pad)
         own = joined(sorted(filter(_reshapes, pad.final.effects)))
         acting.setdefault(own, []).append(pad.title)
     acts = [
@@ -84,21 +71,15 @@ def constants_words(pad: PadResults) -> str | None:
     summary = pad.final.summary
     if summary is None:
         return None
-    constants = [
-        _in_words("m", summary.parameters),
-        _lasting(summary),
-        _in_words("v[1]", summary.parameters),
-    ]
+    m, v = (_in_words(name, summary.parameters) for name in ("m", "v[1]"))
+    constants = [m, _lasting(summary), v]
     added = f", with {joined(pad.final.effects)} in the model" if pad.final.effects else ""
     return f"{'; '.join(text for text in constants if text)}{added}.{_doubt(pad)}"
 
 
 def _doubt(pad: PadResults) -> str:
-    """Return a sentence on constants of a model that fails: wrong ones, unless it fails by chance.
-
-    The diagnosis looks at all tests together: where it finds no structure, a phase that is off by
-    more than its own noise shifts no constant beyond its error.
-    """
+    # the diagnosis looks at all tests together: where it finds no structure, a phase that is off by
+    # more than its own noise shifts no constant beyond its error
     check, found = pad.final.check, pad.diagnosis
     if check is None or not check.failing:
         return ""
@@ -140,11 +121,8 @@ def shifts_of(pad: PadResults) -> dict[str, Any] | None:
 
 
 def _alike(summary: FitSummary | None, reshaped: bool) -> dict[str, Constant]:
-    """Return a fit's constants without those of the noise.
-
-    Where the relaxation was ``reshaped``, the share of the whole model that never relaxes is among
-    them instead of the law's own shares, which mean something else in the other model.
-    """
+    # where the relaxation was reshaped, the share of the whole model that never relaxes is among
+    # them instead of the law's own shares, which mean something else in the other model
     if summary is None:
         return {}
     own = {n: c for n, c in summary.parameters.items() if not n.startswith("noise.")}
@@ -161,7 +139,7 @@ def _in_words(name: str, parameters: dict[str, Constant]) -> str:
     if name == "v[1]" and c.median > 0.0:
         time = f"{number(1.0 / c.median, 2)}{NBSP}s"
         return f"the quickest relaxation has a time constant of {time} (1/v[1])"
-    median, low, high = ends(c.median, *c.hdi90)
+    median, low, high = wording.ends(c.median, *c.hdi90)
     return f"{name} = {with_unit(median, c.unit)} (with 90 % probability {low} to {high})"
 
 
@@ -222,11 +200,8 @@ def in_a_line(comparison: Comparison) -> str:
     pair, by_answer = " and ".join(comparison.names), dict[str, list[str]]()
     for one in comparison.of_group("constants") or comparison.contrasts:
         by_answer.setdefault(KINDS.get(one.answer, "open"), []).append(one.quantity)
-    words = {
-        "differs": "different in",
-        "equal": f"equal within {percent_unbroken(comparison.region)} in",
-        "open": "undecided in",
-    }
+    within = f"equal within {percent_unbroken(comparison.region)} in"
+    words = {"differs": "different in", "equal": within, "open": "undecided in"}
     where = "; ".join(f"{words[k]} {joined(by_answer[k])}" for k in words if k in by_answer)
     if comparison.omnibus is None and comparison.differ is None:
         return f"{pair} share no constant that a joint test could compare; one by one: {where}."
@@ -253,4 +228,4 @@ def diagnosis_words(pad: PadResults) -> list[str]:
     own = [text.replace("+-", "±") for text in pad.words]
     for head in heads:
         own = [text.removeprefix(head) for text in own]
-    return [capitalized(text) for text in own]
+    return [wording.capitalized(text) for text in own]

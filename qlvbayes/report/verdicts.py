@@ -48,19 +48,13 @@ def answers(results: Results, remedies: dict[str, str]) -> list[tuple[str, str, 
     def of_each(words: Callable[[PadResults], str]) -> list[str]:
         return [f"{capitalized(pad.title)}: {words(pad)}" for pad in results.pads]
 
+    constants = of_each(lambda pad: constants_words(pad) or "not fitted.")
+    missing = of_each(lambda pad: answer(pad.diagnosis, seen) if pad.diagnosis else undone)
     return [
-        (
-            "What are the constants, and how sure?",
-            "constants",
-            of_each(lambda pad: constants_words(pad) or "not fitted."),
-        ),
+        ("What are the constants, and how sure?", "constants", constants),
         ("Do the pads differ?", "compare", differ or [f"Not compared yet: {remedies['compare']}"]),
         ("Where does the model fail?", "fails", of_each(lambda pad: _fails(pad, remedies))),
-        (
-            "Which effect is missing?",
-            "effects",
-            of_each(lambda pad: answer(pad.diagnosis, seen) if pad.diagnosis else undone),
-        ),
+        ("Which effect is missing?", "effects", missing),
     ]
 
 
@@ -111,8 +105,7 @@ def _warnings(pad: PadResults) -> Iterator[str]:
     if d and left and left.sure and d.verdict not in ("unexplained", "partly_explained"):
         yield (
             "In the diagnosis's fit to all tests a systematic error is left that is certain but "
-            "small: "
-            f"{percent_unbroken(left.share_of_peak)} of the peak force "
+            f"small: {percent_unbroken(left.share_of_peak)} of the peak force "
             f"({with_unit(number(left.rms, 2), pad.force_unit)}) in the {left.phase} of "
             f"{left.test}."
         )

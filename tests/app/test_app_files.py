@@ -1,6 +1,7 @@
 """Check what is dropped onto the bench: files of any kind."""
 
 import shlex
+from pathlib import Path
 
 import pytest
 from support.endtoend import call
@@ -53,9 +54,7 @@ def session_of(folder, file, found):
 
 def test_a_tidy_file_is_taken_as_it_is(tmp_path):
     file = written(tmp_path, TIDY)
-    found = read_in(tmp_path / "session", [file], {})
-    with open(found["data"]) as data:
-        assert data.read() == TIDY
+    assert Path(read_in(tmp_path / "session", [file], {})["data"]).read_text() == TIDY
     with pytest.raises(InputError, match="2 files in tidy form"):
         read_in(tmp_path / "session", [file, file], {})
 
@@ -84,14 +83,11 @@ def test_answers_that_are_none_are_told_and_leave_nothing(tmp_path, change):
     with pytest.raises(InputError):
         read_in(tmp_path / "s", [written(tmp_path, UNCLEAR)], {**COLUMNS, **UNITS, **change})
     assert not (tmp_path / "s" / "data.csv").exists()
-
-
-@pytest.mark.parametrize("content", [b"", b"\x7fELF\0\0\0\0", b"nothing\nhere\n"])
-def test_what_holds_no_table_is_told_by_its_name(tmp_path, content):
-    with pytest.raises(InputError) as refused:
-        read_in(tmp_path / "session", [written(tmp_path, content)], {})
-    assert refused.value.file == "own.csv"
-    assert str(tmp_path) not in str(refused.value)
+    for content in (b"", b"\x7fELF\0\0\0\0", b"nothing\nhere\n"):  # which holds no table
+        with pytest.raises(InputError) as refused:
+            read_in(tmp_path / "s", [written(tmp_path, content)], {})
+        assert refused.value.file == "own.csv"
+        assert str(tmp_path) not in str(refused.value)
 
 
 @pytest.fixture
@@ -112,14 +108,10 @@ def test_which_test_is_of_which_pad_is_asked_where_a_file_holds_several(tmp_path
 
 @pytest.mark.parametrize(
     ("answers", "tests"),
-    [
-        ({"specimens": "one"}, {"pad": ["AA1", "AA2", "BB1"]}),
-        (
-            {"specimens": "several", "pad0": "x y", "pad1": "B", "pad2": "x y"},
-            {"x y": ["AA1", "BB1"], "B": ["AA2"]},
-        ),
-    ],
-)
+    [({"specimens": "one"}, {"pad": ["AA1", "AA2", "BB1"]}),
+     ({"specimens": "several", "pad0": "x y", "pad1": "B", "pad2": "x y"},
+      {"x y": ["AA1", "BB1"], "B": ["AA2"]})],
+)  # fmt: skip
 def test_the_command_of_a_session_divides_the_tests_as_the_answers_did(
     tmp_path, monkeypatch, specimens, answers, tests
 ):

@@ -17,12 +17,8 @@ from qlvbayes.inference.forward.hypothesis import Hypothesis
 
 PATIENCE = 60.0  # s, for a thread to be heard
 BASE = {("hertz", "prony:2"): 0.6, ("hertz", "fung"): 0.3, ("linear", "fung"): 0.1}
-STANDING = SearchProgress(
-    "effects",
-    3,
-    Hypothesis("hertz", "prony:2"),
-    Decision("ambiguous", (), (), {"friction": 0.2, "viscous_drag": 0.7}, BASE, 0.0, 0),
-)
+KNOWN = Decision("ambiguous", (), (), {"friction": 0.2, "viscous_drag": 0.7}, BASE, 0.0, 0)
+STANDING = SearchProgress("effects", 3, Hypothesis("hertz", "prony:2"), KNOWN)
 
 
 class Server:
@@ -110,10 +106,6 @@ def test_a_search_tells_the_probabilities_so_far_and_ends_once_when_that_is_enou
 def test_a_job_samples_the_model_on_the_bench():
     model = {"elastic": "hertz", "relaxation": "prony:3", "effects": ["friction"]}
     choices = choices_of(model, True, None)
-    assert (choices.elastic, choices.relaxing, choices.effects) == (
-        "hertz",
-        "prony:3",
-        ("friction",),
-    )
-    assert choices.bonded
+    found = choices.elastic, choices.relaxing, choices.effects, choices.bonded
+    assert found == ("hertz", "prony:3", ("friction",), True)
     assert choices_of({**model, "relaxation": "fung"}, False, None).relaxing == "fung"

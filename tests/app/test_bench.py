@@ -25,10 +25,6 @@ def dragged(bench, first):
     return bench.add(first, "squeeze_film")
 
 
-def rms(values):
-    return float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
-
-
 def test_the_force_is_that_of_predict(bench, dragged):
     """On its own grid, whose straight lines may make a tenth of the noise."""
     choices = q.Choices(noise="white", effects=("squeeze_film",))
@@ -43,16 +39,13 @@ def test_the_force_is_that_of_predict(bench, dragged):
         assert np.abs(forces[k] - found.mean[places]).max() < 0.1 * bench.noise
 
 
-def test_the_error_is_that_of_the_samples(bench, first):
+def test_what_is_hidden_takes_the_error_to_the_noise(bench, first, dragged):
+    """The error is that of the samples, and what is added can be taken out again."""
     look = bench.look(first)
     left = [y - f for y, f in zip(bench.samples.observed, look.forces, strict=True)]
-    assert look.error == pytest.approx(rms(left))
+    assert look.error == pytest.approx(np.sqrt(np.mean(np.concatenate(left) ** 2)))
     squares = sum(cell.n * cell.rmse**2 for cell in look.cells)
     assert squares == pytest.approx(look.error**2 * sum(cell.n for cell in look.cells))
-
-
-def test_what_is_hidden_takes_the_error_to_the_noise(bench, first, dragged):
-    """And what is added can be taken out again."""
     before, after = bench.look(first).error, bench.look(dragged).error
     assert after < 1.2 * bench.noise < before
     without = bench.remove(dragged, "squeeze_film")
@@ -97,14 +90,11 @@ def test_a_signature_is_the_effects_force_and_the_right_one_takes_most(bench, fi
     assert all(-0.05 < share < 1.0 for share in takes.values())
 
 
-def test_another_law_begins_near_the_first(bench, first):
+def test_another_law_begins_near_the_first_and_sliders_may_stand_anywhere(bench, first):
     """A polynomial of the third order follows the exponential closely at these depths."""
     other = bench.rebase(first, elastic="polynomial:3")
     assert other.elastic == "polynomial:3"
     assert bench.look(other).error < 1.2 * bench.look(first).error
-
-
-def test_shares_sum_to_one_and_rates_are_in_order_wherever_the_sliders_stand(bench):
     values = {"c[1]": 0.9, "c[2]": 0.6, "v[1]": 0.1, "v[2]": 5.0}
     found = bench.look(q.ByHand(values=values)).values
     assert found["c[0]"] + found["c[1]"] + found["c[2]"] == pytest.approx(1.0)
@@ -114,14 +104,10 @@ def test_shares_sum_to_one_and_rates_are_in_order_wherever_the_sliders_stand(ben
 
 @pytest.mark.parametrize(
     ("model", "word"),
-    [
-        (q.ByHand(elastic="steel"), "steel"),
-        (q.ByHand(relaxation="never"), "never"),
-        (q.ByHand(effects=("magic",)), "magic"),
-        (q.ByHand(effects=("friction", "pressure_friction")), "pressure_friction"),
-        (q.ByHand(values={"m": float("nan")}), "m "),
-    ],
-)
+    [(q.ByHand(elastic="steel"), "steel"), (q.ByHand(relaxation="never"), "never"),
+     (q.ByHand(effects=("magic",)), "magic"), (q.ByHand(values={"m": float("nan")}), "m "),
+     (q.ByHand(effects=("friction", "pressure_friction")), "pressure_friction")],
+)  # fmt: skip
 def test_what_is_no_model_is_refused(bench, dragged, model, word):
     with pytest.raises(InputError, match=word):
         bench.look(model)

@@ -29,13 +29,14 @@ def test_the_line_is_right_deep_in_a_compressed_file(tmp_path):
     path.write_bytes(gzip.compress(("# simulated\n" + text(*rows)).encode(), compresslevel=1))
     with pytest.raises(InputError, match=r"force_N is not a number \('O.2'\)") as caught:
         read_measurements(path)
-    assert (caught.value.file, caught.value.line) == (str(path), 45_681)
-    assert caught.value.remedy == "write a number or delete the row"
+    found = caught.value
+    assert (found.file, found.line) == (str(path), 45_681)
+    assert found.remedy == "write a number or delete the row"
+
+
+def test_a_folder_and_a_file_written_to_while_it_is_read_are_told(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="folder; name the files"):
         read_measurements(tmp_path)
-
-
-def test_a_file_written_to_while_it_is_read_says_so(tmp_path, monkeypatch):
     path = tmp_path / "pads.csv"
     path.write_text(text(*LINES))
 

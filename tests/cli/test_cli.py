@@ -77,18 +77,15 @@ def test_check_repeats_wherever_the_data_are_and_prints_json_only(done, checked,
     moved = tmp_path / "moved.csv"
     moved.write_bytes((done[0].parents[1] / "some.csv").read_bytes())
     status, out, err = call("check", done[0].parent, "--data", moved, "--pad", "B", "--json")
-    assert (status, err) == (0, "")
-    assert json.loads(out) == [checked]
+    assert (status, err, json.loads(out)) == (0, "", [checked])
     assert read_json(done[0] / "check.json") == checked
 
 
 def test_a_reader_that_has_gone_sees_no_traceback():
     read_end, write_end = os.pipe()
     os.close(read_end)
-    line = [COMMAND, "--version"]
-    process = subprocess.run(
-        line, stdout=write_end, stderr=subprocess.PIPE, timeout=900, env=environment()
-    )
+    options = {"stdout": write_end, "stderr": subprocess.PIPE, "timeout": 900}
+    process = subprocess.run([COMMAND, "--version"], env=environment(), **options)
     os.close(write_end)
     assert (process.returncode, process.stderr) == (1, b"")
 

@@ -17,9 +17,9 @@ from qlvbayes.io.files import alone_in
 from qlvbayes.parallel.engines import engine_of
 from qlvbayes.parallel.running import FailedError, Fault
 from qlvbayes.pipeline.derived import draw_constants
-from qlvbayes.pipeline.looking import look_into
-from qlvbayes.pipeline.many import Work, map_pads, run_pads
+from qlvbayes.pipeline.many import map_pads, run_pads
 from qlvbayes.pipeline.steps import FINISHED, faults_in
+from qlvbayes.report.firstlook.looking import look_into
 from qlvbayes.report.page import MOST_ON_A_PAGE
 
 QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
@@ -28,8 +28,8 @@ QUICK = ("--method", "least-squares", "--modes", "1", "--noise", "white")
 def run(out, names, step=None, engine=None):
     listener = Listener()
     step = step or MeanStep()
-    work = [one if isinstance(one, Fault) else Work((step,), one, out) for one in pads(*names)]
-    done = run_pads(out, work, size=len(names), engine=engine, watcher=listener)
+    options = {"size": len(names), "engine": engine, "watcher": listener}
+    done = run_pads(out, pads(*names), lambda study: [step], **options)
     told = zip(["", *listener.notices], listener.notices, strict=False)
     # that a pad which was just done is there says nothing more
     return done, [new for old, new in told if new == old or old != new.replace("there", "done")]
@@ -99,15 +99,13 @@ def test_two_runs_into_one_folder_do_not_mix(tmp_path):
 
 
 def test_workers_without_the_disk_send_back_what_they_leave(tmp_path, monkeypatch):
-    (tmp_path / "here" / "A").mkdir(parents=True)
-    (tmp_path / "here" / "A" / "before.txt").write_text("read")
+    for place in ("here", "there"):
+        (tmp_path / place / "A").mkdir(parents=True)
+        (tmp_path / place / "A" / "before.txt").write_text("read")
     run(tmp_path / "here", "AB")
-    (tmp_path / "there" / "A").mkdir(parents=True)
-    (tmp_path / "there" / "A" / "before.txt").write_text("read")
-    exists = type(tmp_path).exists
-    monkeypatch.setattr(
-        type(tmp_path), "exists", lambda path: not path.name.startswith(".shared") and exists(path)
-    )
+    kind, exists = type(tmp_path), type(tmp_path).exists
+    hidden = lambda path: not path.name.startswith(".shared") and exists(path)  # noqa: E731
+    monkeypatch.setattr(kind, "exists", hidden)
     with ThreadPoolExecutor(2) as executor:
         found, notices = run(tmp_path / "there", "AB", engine=engine_of(executor))
     assert found.pads == ("A", "B")
@@ -212,7 +210,5 @@ def test_a_report_of_many_pads_is_a_table_and_a_page_each(alone, tmp_path):
     again = [page.stat().st_mtime_ns for page in pages]
     assert [k for k, (a, b) in enumerate(zip(made, again, strict=True)) if a != b] == [3]
     draw_constants(tmp_path, None)
-    assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
-        "constants.csv",
-        "report.html",
-    }
+    left = {path.name for path in tmp_path.iterdir() if path.is_file()}
+    assert left == {"constants.csv", "report.html"}

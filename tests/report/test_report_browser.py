@@ -55,8 +55,7 @@ def viewer(visit):
 def test_it_opens_offline_without_a_word_on_the_console(browser, report):
     opened = Visit(browser, report, offline=True)
     opened.page.wait_for_selector(".live canvas")
-    assert opened.said == []
-    assert opened.asked == []
+    assert opened.said == opened.asked == []
     opened.context.close()
 
 
@@ -81,7 +80,7 @@ def test_a_fast_test_opens_on_logarithmic_time_and_can_be_switched(visit, viewer
     assert "logarithmic" in visit.page.evaluate("viewers[0].charts[0].axes[0].label")
     viewer.get_by_role("button", name="hold").click()
     assert visit.span(viewer)[1] == pytest.approx(30.8, abs=2.0)
-    switch_to_linear(viewer)
+    switch(viewer, "linear")
     assert visit.span(viewer) == pytest.approx([0.0, 60.0], abs=1.0)
     assert viewer.get_attribute("data-scale") == "linear"
     switch(viewer, "logarithmic")
@@ -93,12 +92,8 @@ def switch(viewer, name):
     viewer.get_by_role("button", name=name, exact=True).click()
 
 
-def switch_to_linear(viewer):
-    switch(viewer, "linear")
-
-
 def test_dragging_zooms_both_curves_and_a_double_click_shows_all(visit, viewer):
-    switch_to_linear(viewer)
+    switch(viewer, "linear")
     start, stop = visit.span(viewer)
     assert stop - start > 55.0
     surface = viewer.locator(".force .u-over")

@@ -41,8 +41,8 @@ class Listener(Watcher):
     def starting(self, lines):
         self.notices += lines
 
-    def notice(self, text):
-        self.notices.append(text)
+    def notice(self, *texts):
+        self.notices += texts
 
 
 def with_tests(path, *tests, data=PADS):

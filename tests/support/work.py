@@ -6,13 +6,13 @@ import signal
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Measurements, Pad, Test
 from qlvbayes.io.units import PAD
+from qlvbayes.pipeline.steps import Step
 
 
 def squared(number):
@@ -49,14 +49,10 @@ def process_of(number):
 
 
 @dataclass(frozen=True)
-class MeanStep:
+class MeanStep(Step):
     """Leaves the mean force of a pad; refuses the pad called bad."""
 
-    name: ClassVar[str] = "mean"
-    needs: ClassVar[tuple[str, ...]] = ("before.txt",)
-    leaves: ClassVar[tuple[str, ...]] = ("mean.json",)
-    code: ClassVar[tuple[str, ...]] = ("io",)
-    within: ClassVar[str] = ""
+    name, needs, leaves, code = "mean", ("before.txt",), ("mean.json",), ("io",)
 
     shift: float = 0.0
 
@@ -86,14 +82,10 @@ def pads(*names):
 
 
 @dataclass(frozen=True)
-class SlowStep:
+class SlowStep(Step):
     """Leaves a file, pads called slow only after a while."""
 
-    name: ClassVar[str] = "slow"
-    needs: ClassVar[tuple[str, ...]] = ()
-    leaves: ClassVar[tuple[str, ...]] = ("done.txt",)
-    code: ClassVar[tuple[str, ...]] = ("io",)
-    within: ClassVar[str] = ""
+    name, leaves, code = "slow", ("done.txt",), ("io",)
 
     seconds: float = field(repr=False)  # what is left does not depend on it
 

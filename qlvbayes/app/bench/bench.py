@@ -18,7 +18,6 @@ from qlvbayes.app.bench.model import (
     theta_of,
     values_of,
 )
-from qlvbayes.app.bench.signature import added_effect
 from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
@@ -26,10 +25,10 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.fitting.optimum import best_model
 from qlvbayes.fitting.residuals import FALSE_ALARMS, error_limit
 from qlvbayes.inference.density import Density, Point
-from qlvbayes.inference.forward.hypothesis import Hypothesis
+from qlvbayes.inference.forward.hypothesis import Amplitude, Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.starts import amplitude_of, projected, transferred
+from qlvbayes.inference.starts import amplitude_of, projected, shapes, transferred
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
@@ -39,6 +38,8 @@ from qlvbayes.motion.phases import KINDS
 _STARTS = 3  # number of the best draws of the priors from which the first fit begins
 _DRAWN = 200  # draws that make a band
 _BAND = (0.05, 0.95)  # quantiles of a band's ends
+_ROUNDS = 3  # times that the size of an added effect is inserted into its force
+_LEAST = 1e-6  # smallest size over the prior's sd, which stands for zero
 _ALONG = 1e-3  # share of a shift of the constants over which its slope is taken
 
 
@@ -111,7 +112,7 @@ class Bench:
         """Return the root mean square error of each test and phase that noise hardly exceeds."""
         return _cell_limits(self.samples)
 
-    @cached_property
+    @property
     def effects(self) -> dict[str, AbstractEffect]:
         """Return the effects that can be added, by name."""
         return self.space.effects
@@ -120,17 +121,19 @@ class Bench:
         """Return the model of the choices, its constants at their priors' medians."""
         return ByHand(self.choices.elastic, self.choices.relaxing, self.choices.effects)
 
+    def _own(self, model: ByHand) -> Parameters:
+        """Return the parameters of a model; raise InputError where it is none."""
+        checked(model, self.space)
+        return self.space.parameters(model.hypothesis)
+
     def sliders(self, model: ByHand) -> list[Slider]:
         """Return a model's constants, each with range, unit and meaning."""
-        checked(model, self.space)
-        own = self.space.parameters(model.hypothesis)
+        own = self._own(model)
         return sliders(own, self.space, self.experiment.units, constants_of(model, self.space))
 
     def look(self, model: ByHand) -> Look:
         """Return a model's force and errors, in some milliseconds."""
-        checked(model, self.space)
-        constants = constants_of(model, self.space)
-        own = self.space.parameters(model.hypothesis)
+        own, constants = self._own(model), constants_of(model, self.space)
         with np.errstate(over="ignore", invalid="ignore"):
             forces = self._forces(self.density, model.hypothesis, constants)
             left = [y - f for y, f in zip(self.samples.observed, forces, strict=True)]
@@ -163,17 +166,12 @@ class Bench:
 
     def fit(self, model: ByHand) -> ByHand:
         """Return the model fitted by least squares from its own constants."""
-        checked(model, self.space)
-        own = self.space.parameters(model.hypothesis)
-        return self._least(model, [theta_of(own, constants_of(model, self.space))])
+        return self._least(model, [theta_of(self._own(model), constants_of(model, self.space))])
 
     def add(self, model: ByHand, effect: str) -> ByHand:
         """Return the model with one more effect, both fitted; raise InputError if it cannot be."""
-        more = replace(model, effects=(*model.effects, effect))
-        self._free(model, effect)
-        checked(more, self.space)
+        more, own = self._with(model, effect)
         point = self._point(model)
-        own = self.space.parameters(more.hypothesis)
         start = nothing_added(own, self.space)
         start[own.positions_of(point.own)] = point.theta
         if amplitude_of(own, effect) is None:
@@ -193,30 +191,20 @@ class Bench:
         self, model: ByHand, *, elastic: str | None = None, relaxation: str | None = None
     ) -> ByHand:
         """Return the model on other laws (None keeps one), fitted from their nearest curves."""
-        other = replace(
-            model,
-            elastic=elastic or model.elastic,
-            relaxation=relaxation or model.relaxation,
-            values={},
-        )
-        checked(other, self.space)
-        point = self._point(model)
-        own = self.space.parameters(other.hypothesis)
+        elastic, relaxation = elastic or model.elastic, relaxation or model.relaxation
+        other = replace(model, elastic=elastic, relaxation=relaxation, values={})
+        own, point = self._own(other), self._point(model)
         start = transferred(point.own, point.theta, own, nothing_added(own, self.space))
         near = projected(self.space, point, other.hypothesis, start)
         return self._least(other, [own.within(near)])
 
     def signature(self, model: ByHand, effect: str) -> Signature:
         """Return what an effect would add to a model, at the size that fits its residual."""
-        self._free(model, effect)
-        more = replace(model, effects=(*model.effects, effect))
-        checked(more, self.space)
+        more, _ = self._with(model, effect)
         added = added_effect(self.density, self._point(model), more.hypothesis, effect)
         if added is None:
-            raise InputError(
-                f"the effect {effect} adds no force to this model in these tests",
-                remedy="choose another",
-            )
+            what = f"the effect {effect} adds no force to this model in these tests"
+            raise InputError(what, remedy="choose another")
         along = added.before + _ALONG * (added.moved - added.after)
         constants = added.own.constants(np.stack([added.before, added.after, along]))
         forces = self.samples.predict(more.hypothesis, constants)
@@ -227,16 +215,10 @@ class Bench:
         after = rmse([one - two for one, two in zip(left, moved, strict=True)])
         name = added.own.names[added.amplitude.constant]
         kind = self.effects[effect].units[name.partition(".")[2]]
-        return Signature(
-            effect,
-            name,
-            float(constants[1, added.amplitude.constant]),
-            self.experiment.units.of(kind),
-            alone,
-            moved,
-            1.0 - (after / before) ** 2 if before > 0.0 else 0.0,
-            after,
-        )
+        size = float(constants[1, added.amplitude.constant])
+        takes = 1.0 - (after / before) ** 2 if before > 0.0 else 0.0
+        unit = self.experiment.units.of(kind)
+        return Signature(effect, name, size, unit, alone, moved, takes, after)
 
     def held_out(self, model: ByHand) -> Iterator[float | None]:
         """Yield None while there is more to fit, and at last the held-out error.
@@ -263,8 +245,7 @@ class Bench:
         They belong to draws (S, Q) of the constants that are named, of which some are used. Between
         the ends a reading, with the noise at rest, lies with 90 % probability.
         """
-        checked(model, self.space)
-        order = list(self.space.parameters(model.hypothesis).names)
+        order = list(self._own(model).names)
         some = draws[:: max(1, len(draws) // _DRAWN)][:_DRAWN]
         constants = np.tile(constants_of(model, self.space), (len(some), 1))
         for name, column in zip(names, some.T, strict=True):
@@ -278,18 +259,19 @@ class Bench:
             found.append((low, forces.mean(axis=0), high))
         return found
 
-    def _free(self, model: ByHand, effect: str) -> None:
+    def _with(self, model: ByHand, effect: str) -> tuple[ByHand, Parameters]:
+        """Return a model with one more effect, and its parameters."""
         if effect in model.effects:
             raise InputError(f"the effect {effect} is in the model already", remedy="remove it")
+        more = replace(model, effects=(*model.effects, effect))
+        return more, self._own(more)
 
     def _point(self, model: ByHand) -> Point:
-        checked(model, self.space)
-        own = self.space.parameters(model.hypothesis)
-        point = self.density.at(model.hypothesis, theta_of(own, constants_of(model, self.space)))
+        theta = theta_of(self._own(model), constants_of(model, self.space))
+        point = self.density.at(model.hypothesis, theta)
         if point is None:
-            raise InputError(
-                "the model's force is no number here", remedy="move the constants back"
-            )
+            what = "the model's force is no number here"
+            raise InputError(what, remedy="move the constants back")
         return point
 
     def _least(self, model: ByHand, starts: Sequence[Array]) -> ByHand:
@@ -300,6 +282,81 @@ class Bench:
             raise NoFiniteForceError
         best = min(modes, key=lambda mode: mode.loss).point
         return replace(model, values=values_of(best.own, best.constants))
+
+
+@dataclass(frozen=True, eq=False)
+class AddedEffect:
+    """Model at theta (F,) with one more effect, at the effect's most probable size and shape.
+
+    ``own`` are the parameters of the model with the effect, and ``amplitude`` is the effect's among
+    them. ``before`` and ``after`` (G,) have the amplitude at zero and at its size, with the
+    constants unchanged; ``moved`` (G,) includes the constants' shift. ``cost`` is the remaining sum
+    of squares.
+    """
+
+    own: Parameters
+    amplitude: Amplitude
+    before: Array
+    after: Array
+    moved: Array
+    cost: float
+
+
+def added_effect(
+    density: Density, point: Point, hypothesis: Hypothesis, effect: str
+) -> AddedEffect | None:
+    """Return an additional effect at a point, in the shape that takes most of the residual.
+
+    With J the slopes of the model's own constants and g the force of the effect of unit size, both
+    over the noise, shift d and size a minimise
+
+    .. math:: |r - J^T d - a g|^2 - d^T P d,
+
+    P the curvature of the constants' priors. The size is inserted into g a few times, as few
+    effects are linear in it.
+    """
+    space = density.space
+    own = space.parameters(hypothesis)
+    amplitude = amplitude_of(own, effect)
+    if amplitude is None:
+        return None
+    starts = shapes(space, point, own, effect)
+    candidates = [_scaled(density, point, own, amplitude, start) for start in starts]
+    found = [candidate for candidate in candidates if candidate is not None]
+    return min(found, key=lambda x: x.cost, default=None)
+
+
+def _scaled(
+    density: Density, point: Point, own: Parameters, amplitude: Amplitude, start: Array
+) -> AddedEffect | None:
+    index, residual, slopes = amplitude.number, point.residual, point.jacobian
+    prior = point.prior.curvature
+    size, shift, cost = amplitude.sd, np.zeros(point.own.size), np.inf
+    for _ in range(_ROUNDS):
+        added = density.space.added_force(own.hypothesis, start, index, size)
+        force = density.whitener(added[None])[0]
+        square = float(force @ force)
+        if not (np.isfinite(square) and square > 0.0):
+            return None
+        rows = np.concatenate([slopes, force[None]])
+        matrix = rows @ rows.T
+        matrix[:-1, :-1] += prior
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        matrix, right = matrix * np.outer(scale, scale), scale * (rows @ residual)
+        solution = scale * np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+        low, high = own.lowest[index] - start[index], own.highest[index] - start[index]
+        smallest = _LEAST * amplitude.sd
+        scaled = float(np.clip(solution[-1] * size, low, high))
+        if abs(scaled) < smallest:  # the residual has nothing of it
+            scaled, solution = smallest if high > 0.0 else -smallest, 0.0 * solution
+        shift = solution[:-1]
+        cost = float(np.sum((residual - shift @ slopes - force * (scaled / size)) ** 2))
+        size = scaled
+    after = start.copy()
+    after[index] += size
+    moved = after.copy()
+    moved[own.positions_of(point.own)] += shift
+    return AddedEffect(own, amplitude, start, own.within(after), own.within(moved), cost)
 
 
 def _cell_limits(samples: Samples) -> dict[tuple[str, str], float]:

@@ -1,30 +1,42 @@
-"""A first look at a pad's tests, before anything is fitted."""
+"""A first look at a pad's tests, before anything is fitted, and what it leaves in a folder."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from qlvbayes.io.contact import FirstContact
-from qlvbayes.io.data import Control
+from qlvbayes.io.data import Control, Measurements, Pad
+from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
 from qlvbayes.motion.evidence import DirectEvidence, direct_evidence
 from qlvbayes.motion.evidence.touching import contacts_of
-from qlvbayes.motion.experiment import Experiment, Trial
+from qlvbayes.motion.experiment import Experiment, Trial, prepare
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of
 from qlvbayes.motion.past import remembered_tests
 from qlvbayes.motion.specimen import pull_notices
 from qlvbayes.report.firstlook.result import (
     BY_PHASE,
     ContactSeen,
+    FirstLook,
     MotionSeen,
     NoiseSeen,
     PadSeen,
     PhaseSeen,
     TestSeen,
 )
-from qlvbayes.report.firstlook.shown import shown_by
+from qlvbayes.report.firstlook.shown import shown_between, shown_by
+
+Seen = tuple[PadSeen, bytes | None]
+"""First look at a pad, and its picture as a PNG file, where one is drawn."""
+Apply = Callable[[Callable[[Pad], Seen], Sequence[Pad]], Iterable[Seen]]
+"""Function that applies a task to pads, in order, as ``map`` does."""
 
 _SURE = 4.0  # standard errors, from which on contact is not at the file's zero,
 _TOE = 0.1  # and of the depth: a force that begins softly rises out of the noise as late
@@ -41,35 +53,27 @@ def look_at(experiment: Experiment, *, bonded: bool, effects: tuple[str, ...] = 
     contacts = contacts_of(experiment)
     tests = tuple(_test(experiment, k, contact) for k, contact in enumerate(contacts))
     seen = direct_evidence(experiment, bonded, contacts)
+    by_reading = any(trial.test.force_sd is not None for trial in experiment.trials)
+    noise = NoiseSeen(
+        floor.total, floor.white, floor.ou, floor.tau, testable=floor.testable,
+        by_reading=by_reading,
+    )  # fmt: skip
+    pulls = pull_notices(experiment, bonded=bonded, effects=effects, shown=seen)
+    others = (text for text in experiment.notices if text not in falls)
     return PadSeen(
-        experiment.pad,
-        experiment.fluid,
-        NoiseSeen(
-            floor.total,
-            floor.white,
-            floor.ou,
-            floor.tau,
-            testable=floor.testable,
-            by_reading=any(trial.test.force_sd is not None for trial in experiment.trials),
-        ),
-        tests,
+        experiment.pad, experiment.fluid, noise, tests,
         shown_by(experiment, facts_of(experiment), bonded=bonded),
-        (
-            *_corrections(experiment, tests, seen),
-            *falls,
-            *pull_notices(experiment, bonded=bonded, effects=effects, shown=seen),
-        ),
-        (
-            *(text for text in experiment.notices if text not in falls),
-            *(f"pad {experiment.pad}: {text}" for text in floor.notices),
-        ),
+        (*_corrections(experiment, tests, seen), *falls, *pulls),
+        (*others, *(f"pad {experiment.pad}: {text}" for text in floor.notices)),
         seen,
-    )
+    )  # fmt: skip
 
 
 def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> TestSeen:
-    trial = experiment.trials[index]
+    trial, units = experiment.trials[index], experiment.units
     test, whole, ramp = trial.test, trial.whole, trial.first_ramp
+    depths = np.abs(whole.displacement) if units.dimensionless else whole.displacement
+    moved = ramp is not None and ramp.control != Control.FORCE
     tests = [one.whole for one in experiment.trials]
     before = () if experiment.rested else remembered_tests(index, tests, experiment.longest)
     return TestSeen(
@@ -86,57 +90,39 @@ def _test(experiment: Experiment, index: int, contact: FirstContact | None) -> T
         start_known=test.start_known,
         after=tuple(experiment.trials[k].name for k in before),
         rate=trial.rate if np.isfinite(trial.rate) else None,
-        reached=None
-        if ramp is None or ramp.control == Control.FORCE
-        else move_of(trial, ramp).speed,
-        depth=_depth(trial, experiment.units),
+        reached=move_of(trial, ramp).speed if ramp is not None and moved else None,
+        depth=float(np.max(depths)),
         peak=float(np.max(np.abs(test.force))),
         phases=tuple(_phases(trial)),
-        motion=_motion(trial, experiment.units),
-        contact=None if experiment.units.dimensionless else _contact(experiment, trial, contact),
+        motion=_motion(trial, units),
+        contact=None if units.dimensionless else _contact(experiment, trial, contact),
         at_rest=_at_rest(experiment, trial, contact),
         left_out=trial.left_out.count if trial.left_out is not None else 0,
     )
 
 
-def _depth(trial: Trial, units: UnitSystem) -> float:
-    """Return the largest displacement, in magnitude, of a test."""
-    displacement = trial.whole.displacement
-    return float(np.max(np.abs(displacement) if units.dimensionless else displacement))
-
-
 def _phases(trial: Trial) -> list[PhaseSeen]:
-    ends = [
-        map(float, trial.trajectory.displacement(np.array([phase.start, phase.stop])))
-        for phase in trial.phases
-    ]
+    at = trial.trajectory.displacement
     return [
         PhaseSeen(
-            phase.kind,
-            phase.start,
-            phase.stop,
-            begin,
-            end,
-            int(trial.rows(phase.start, phase.stop).size),
+            phase.kind, phase.start, phase.stop, float(at(np.array([phase.start]))[0]),
+            float(at(np.array([phase.stop]))[0]), int(trial.rows(phase.start, phase.stop).size),
             phase.control,
         )
-        for phase, (begin, end) in zip(trial.phases, ends, strict=True)
-    ]
+        for phase in trial.phases
+    ]  # fmt: skip
 
 
 def _motion(trial: Trial, units: UnitSystem) -> MotionSeen:
     path, test = trial.trajectory, trial.whole
     left = test.displacement - path.displacement(test.time)
     worst = int(np.argmax(np.abs(left)))
-    off = path.departure
+    off, largest = path.departure, float(abs(left[worst]))
     return MotionSeen(
-        path.resolution,
-        float(np.sqrt(np.mean(left**2))),
-        float(abs(left[worst])),
-        float(test.time[worst]),
-        bool(abs(left[worst]) > ROUNDED * path.resolution > 0.0),
+        path.resolution, float(np.sqrt(np.mean(left**2))), largest, float(test.time[worst]),
+        largest > ROUNDED * path.resolution > 0.0,
         None if off is None else off.notice(trial.name, units.displacement),
-    )
+    )  # fmt: skip
 
 
 def _contact(
@@ -180,10 +166,10 @@ def _corrections(
     experiment: Experiment, tests: tuple[TestSeen, ...], seen: tuple[DirectEvidence, ...]
 ) -> list[str]:
     """Return sentences on what to correct or to decide before a fit."""
-    units, noise, cautions = experiment.units, noise_of(experiment), []
+    units, noise, cautions = experiment.units, noise_of(experiment), list[str]()
     lag = next((o.value for o in seen if o.effect == "channel_lag" and o.beyond_doubt), 0.0)
     for test in tests:
-        name = f"pad {experiment.pad}, test {test.test}"
+        name, contact = f"pad {experiment.pad}, test {test.test}", test.contact
         if test.peak < _DEAD * noise:
             cautions.append(
                 f"{name}: the {units.force_name} never leaves its noise (largest "
@@ -191,26 +177,65 @@ def _corrections(
                 "cell was connected, or leave the test out"
             )
             continue
-        late = lag * (test.reached or 0.0)
-        cautions += [f"{name}: {text}" for text in _of_contact(test, units, late)]
+        late = lag * (test.reached or 0.0)  # depth by which the force of such a channel rises late
+        if contact and contact.position - late > max(_SURE * contact.sd, _TOE * test.depth):
+            cautions.append(
+                f"{name}: the force begins to rise at {plain(contact.position)} +- "
+                f"{plain(contact.sd, 2)} {units.displacement}, and depth counts from zero: shift "
+                "the displacement, or let the fit find it by --add contact_offset"
+            )
+        if test.at_rest is not None:
+            cautions.append(
+                f"{name}: the {units.force_name} before contact is {plain(test.at_rest)} "
+                f"{units.force}: take it off, or let the fit find it by --add force_offset"
+            )
     return cautions
 
 
-def _of_contact(test: TestSeen, units: UnitSystem, late: float) -> list[str]:
-    """Return sentences on a test's contact, and on the force before it.
+def look_into(
+    folder: Path | None,
+    study: Measurements,
+    pads: Sequence[Pad],
+    *,
+    prepared: Callable[[Pad], Experiment] = prepare,
+    bonded: bool | None = None,
+    effects: tuple[str, ...] = (),
+    files: Sequence[str] = (),
+    next_commands: Sequence[str] = (),
+    apply: Apply = map,
+) -> tuple[FirstLook, list[Path]]:
+    """Look at some pads; leave ``look.json`` and a ``look_<pad>.png`` of each in the folder."""
+    fixed = study.units.bonded_default if bonded is None else bonded
+    results = list(apply(partial(_drawn, prepared, fixed, effects, folder is not None), pads))
+    seen = tuple(one for one, _ in results)
+    look = FirstLook(
+        source=tuple(files or (study.source,)), units=study.units, notices=study.notices, pads=seen,
+        between=shown_between(seen, study.units), next=tuple(next_commands),
+    )  # fmt: skip
+    if folder is None:
+        return look, []
+    look.write(results_folder(folder) / "look.json")
+    figures = [folder / f"look_{one.pad}.png" for one in seen]
+    for figure, (_, picture) in zip(figures, results, strict=True):
+        write_whole(figure, picture or b"")
+    return look, figures
 
-    late: depth by which the force rises too late, as its channel lags.
-    """
-    contact, cautions = test.contact, []
-    if contact and contact.position - late > max(_SURE * contact.sd, _TOE * test.depth):
-        cautions.append(
-            f"the force begins to rise at {plain(contact.position)} +- {plain(contact.sd, 2)} "
-            f"{units.displacement}, and depth counts from zero: shift the displacement, or let the "
-            "fit find it by --add contact_offset"
-        )
-    if test.at_rest is not None:
-        cautions.append(
-            f"the {units.force_name} before contact is {plain(test.at_rest)} {units.force}: take "
-            "it off, or let the fit find it by --add force_offset"
-        )
-    return cautions
+
+def _drawn(
+    prepared: Callable[[Pad], Experiment],
+    bonded: bool,
+    effects: tuple[str, ...],
+    drawn: bool,
+    pad: Pad,
+) -> Seen:
+    experiment = prepared(pad)
+    seen = look_at(experiment, bonded=bonded, effects=effects)
+    if not drawn:
+        return seen, None
+    # imported here, so that reading does not wait for matplotlib
+    from qlvbayes.plots.files import save_figure
+    from qlvbayes.plots.look import plot_look
+
+    with TemporaryDirectory() as folder:
+        picture = save_figure(plot_look(experiment), Path(folder) / "look", ("png",))
+        return seen, picture.read_bytes()

@@ -9,7 +9,6 @@ a fit shows whether it is larger than the noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from math import floor, log10
 
 import numpy as np
@@ -41,6 +40,7 @@ _FASTER = 2.0  # times a speed: another one
 _WIDE = 3.0  # longest over shortest time: a relaxation between them is seen
 _LEFT = 0.1  # of a movement: relaxation as quick has lost nine tenths of itself when it ends
 _STILL = 0.01  # of the peak, by which the force of a finished relaxation does not change
+_OFTENER = "record more often while the platen starts and stops"
 _ALIKE = 2.0  # longest holds that differ by more do not show the same relaxation
 _NAMED = 4  # depths or speeds that are named
 
@@ -52,17 +52,29 @@ _Seen = tuple[Answer, str, str]
 def shown_by(experiment: Experiment, facts: Facts, *, bonded: bool) -> tuple[Shown, ...]:
     """Return whether a pad's tests can show each part of the model."""
     sliding = ("interface_slip",) if bonded else ()  # a loose specimen does not slide
+    once, remedy = len(experiment.trials) == 1, "move back all the way"
+    back: _Seen = "no", "no test retracts to zero depth", remedy
+    if bonded:
+        back = "no", "the specimen is fixed to the platen", ""
+    elif returns(experiment):
+        back = "yes", "a test comes back to zero depth or to no force", ""
+    still: _Seen = "no", "no acceleration is resolved", _OFTENER
+    if any(trial.trajectory.acceleration_resolved for trial in experiment.trials):
+        still = "yes", "the acceleration is resolved", ""
+    again: _Seen = "no", "there is only one test", "repeat it"
+    if not once:
+        again = "yes", f"{len(experiment.trials)} tests, one after the other", ""
     parts: list[tuple[str, tuple[str, ...], tuple[str, ...], _Seen]] = [
         ("stiffness and its growth with depth", ("m", "b"), (), _stiffness(experiment, facts)),
         ("relaxation", ("c", "v"), (), _relaxation(experiment, facts)),
         ("a force that grows with speed", (), _OF_SPEED, _speed(experiment, facts)),
         *((about, (), effects, seen) for about, effects, seen in _depth(experiment, facts)),
         ("softening and a set that stays", (), (*OF_UNLOADING, *sliding), _unloading(experiment)),
-        ("adhesion", (), ("adhesion",), _retraction(experiment, bonded=bonded)),
-        ("inertia", (), ("inertia",), _acceleration(experiment)),
+        ("adhesion", (), ("adhesion",), back),
+        ("inertia", (), ("inertia",), still),
         ("ringing after a stop", (), ("frame_ringing",), _ringing(experiment)),
         ("a change with the clock", (), ("fluid_leak", "force_drift"), _clock(experiment)),
-        ("conditioning, from test to test", (), ("conditioning",), _conditioning(experiment)),
+        ("conditioning, from test to test", (), ("conditioning",), again),
         ("prediction of unseen tests", (), (), _validation(experiment, facts)),
     ]
     return tuple(
@@ -95,7 +107,14 @@ def _relaxation(experiment: Experiment, facts: Facts) -> _Seen:
     shortest = max(facts.interval, _LEFT * quick)
     longest = max(facts.longest_hold, slow)
     if not facts.holds:
-        return _without_holds(facts)
+        speeds = apart(facts.speeds, _FASTER)
+        remedy = "hold at depth, as long as the slowest relaxation that matters"
+        if len(facts.moves) < 3 and len(speeds) < 2:
+            reason = "no hold and one speed: relaxation and stiffness cannot be distinguished"
+            return "no", reason, remedy
+        several = "the movements alone" if len(speeds) < 2 else "different speeds alone"
+        reason = f"no hold: by {several}, times up to {span(slow)} (the longest movement)"
+        return "hardly", reason, remedy
     sampled = facts.interval > _LEFT * quick
     bound = "the interval between readings" if sampled else "a tenth of the quickest movement"
     window = f"times from {span(shortest)} ({bound}) to {span(longest)}"
@@ -117,16 +136,6 @@ def _relaxation(experiment: Experiment, facts: Facts) -> _Seen:
         f"{100.0 * abs(moving.change):.2g} % of the largest"
     )
     return "yes", reason, "slower relaxation needs a longer hold"
-
-
-def _without_holds(facts: Facts) -> _Seen:
-    speeds = apart(facts.speeds, _FASTER)
-    remedy = "hold at depth, as long as the slowest relaxation that matters"
-    if len(facts.moves) > 2 or len(speeds) > 1:
-        several = "the movements alone" if len(speeds) < 2 else "different speeds alone"
-        longest = f"times up to {span(max(facts.durations))} (the longest movement)"
-        return "hardly", f"no hold: by {several}, {longest}", remedy
-    return "no", "no hold and one speed: relaxation and stiffness cannot be distinguished", remedy
 
 
 def _speed(experiment: Experiment, facts: Facts) -> _Seen:
@@ -177,23 +186,6 @@ def _unloading(experiment: Experiment) -> _Seen:
     return "yes", "the platen moves back in a test", ""
 
 
-def _retraction(experiment: Experiment, *, bonded: bool) -> _Seen:
-    if bonded:
-        return "no", "the specimen is fixed to the platen", ""
-    if returns(experiment):
-        return "yes", "a test comes back to zero depth or to no force", ""
-    return "no", "no test retracts to zero depth", "move back all the way"
-
-
-_OFTENER = "record more often while the platen starts and stops"
-
-
-def _acceleration(experiment: Experiment) -> _Seen:
-    if any(trial.trajectory.acceleration_resolved for trial in experiment.trials):
-        return "yes", "the acceleration is resolved", ""
-    return "no", "no acceleration is resolved", _OFTENER
-
-
 def _ringing(experiment: Experiment) -> _Seen:
     interval = experiment.interval
     if not any(trial.trajectory.velocity_resolved for trial in experiment.trials):
@@ -214,12 +206,6 @@ def _clock(experiment: Experiment) -> _Seen:
     reason = f"{count} tests, but the file does not say when each began (no column start_s)"
     remedy = "write start_s; until then tests follow one another without a pause"
     return "hardly", reason, remedy
-
-
-def _conditioning(experiment: Experiment) -> _Seen:
-    if (count := len(experiment.trials)) == 1:
-        return "no", "there is only one test", "repeat it"
-    return "yes", f"{count} tests, one after the other", ""
 
 
 def _validation(experiment: Experiment, facts: Facts) -> _Seen:
@@ -243,31 +229,29 @@ def shown_between(pads: Sequence[PadSeen], units: UnitSystem) -> tuple[Shown, ..
     holds = {pad.pad: _longest_hold(pad) for pad in pads}
     depths = {pad.pad: max(test.depth for test in pad.tests) for pad in pads}
     answers = []
-    for about, what, values, most, unit in (
-        ("relaxation of the pads, side by side", "held for", holds, _ALIKE, "s"),
-        (
-            "stiffness of the pads, side by side", "pressed to", depths, DEEPER,
-            units.displacement,
-        ),
-    ):  # fmt: skip
+    for of, what, values, most, unit in (
+        ("relaxation", "held for", holds, _ALIKE, "s"),
+        ("stiffness", "pressed to", depths, DEEPER, units.displacement),
+    ):
+        about = f"{of} of the pads, side by side"
         low, high = min(values, key=values.__getitem__), max(values, key=values.__getitem__)
         least, largest = (f"{plain(values[k])} {unit}".removesuffix(" 1") for k in (low, high))
         if values[low] > 0.0 and values[high] <= most * values[low]:
             to = f" to {largest}" if largest != least else ""
             answers.append(Shown(about, "yes", f"all are {what} {least}{to}"))
-            continue
-        reason = f"pad {low} is {what} {least}, pad {high} {largest}"
-        answers.append(Shown(about, "hardly", reason, "test both alike"))
+        else:
+            reason = f"pad {low} is {what} {least}, pad {high} {largest}"
+            answers.append(Shown(about, "hardly", reason, "test both alike"))
     return tuple(answers)
 
 
 def _longest_hold(pad: PadSeen) -> float:
-    dwells = [
+    dwells = (
         phase.stop - phase.start
         for test in pad.tests
-        for before, phase in pairwise((None, *test.phases))
-        if phase is not None and phase.phase == "hold" and before is not None
-    ]
+        for phase in test.phases[1:]  # one that a test begins with follows no movement
+        if phase.phase == "hold"
+    )
     return max(dwells, default=0.0)
 
 

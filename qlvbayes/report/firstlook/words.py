@@ -8,7 +8,7 @@ from qlvbayes.io.data import Control
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import joined, plain
 from qlvbayes.motion.phases import KINDS, NAMES, phase_name, span
-from qlvbayes.report.firstlook.result import BY_PHASE, PadSeen, PhaseSeen, TestSeen
+from qlvbayes.report.firstlook.result import BY_PHASE, PadSeen, PhaseSeen
 
 _EACH = 6  # phases that are listed one by one
 _SLOWER = 0.1  # of its declared speed, by which a test may miss it
@@ -36,9 +36,14 @@ def phases_in_words(phases: Sequence[PhaseSeen]) -> str:
 
 def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
     """Return one line each on a pad's readings."""
+    slow = [
+        f"test {test.test} declares {plain(test.rate)} and reaches {plain(test.reached)}"
+        for test in pad.tests
+        if test.rate and test.reached and abs(test.reached / test.rate - 1.0) > _SLOWER
+    ]
     return [
-        *_noise(pad, units),
-        *_speeds(pad, units),
+        f"noise of the {units.force_name}: {_noise(pad, units)}",
+        *([f"speed: {joined(_some(slow, ' in look.json'))} {units.speed}"] if slow else []),
         *_motion(pad, units),
         *_contact(pad, units),
         *_clock(pad),
@@ -50,49 +55,38 @@ def lines_of(pad: PadSeen, units: UnitSystem) -> list[str]:
     ]
 
 
-def _noise(pad: PadSeen, units: UnitSystem) -> list[str]:
+def _noise(pad: PadSeen, units: UnitSystem) -> str:
     noise, peak = pad.noise, max(test.peak for test in pad.tests)
-    if pad.noise.by_reading:
-        return [
-            f"noise of the {units.force_name}: {plain(noise.total)} {units.force}, root mean "
-            "square of sds that differ from reading to reading"
-        ]
+    head = f"{plain(noise.total)} {units.force}"
+    if noise.by_reading:
+        return f"{head}, root mean square of sds that differ from reading to reading"
     share = f" ({100.0 * noise.total / peak:.2g} % of the largest)" if peak > 0.0 else ""
     parts = f"white {plain(noise.white, 2)}"
     if noise.correlated > 0.0:
         parts += f", correlated {plain(noise.correlated, 2)} over {span(noise.tau)}"
-    return [
-        f"noise of the {units.force_name}: {plain(noise.total)} {units.force} a reading{share}: "
-        f"{parts}"
-    ]
+    return f"{head} a reading{share}: {parts}"
 
 
-def _speeds(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """Describe the tests that do not reach the speed that the file declares."""
-    off = [
-        f"test {test.test} declares {plain(test.rate)} and reaches {plain(test.reached)}"
-        for test in pad.tests
-        if test.rate and test.reached and abs(test.reached / test.rate - 1.0) > _SLOWER
-    ]
-    more = [f"{len(off) - _NAMED} more in look.json"] if len(off) > _NAMED else []
-    return [f"speed: {joined([*off[:_NAMED], *more])} {units.speed}"] if off else []
+def _some(named: Sequence[str], where: str = "") -> list[str]:
+    """Return the first few of some names, and how many more there are."""
+    more = len(named) - _NAMED
+    return [*named[:_NAMED], *([f"{more} more{where}"] if more > 0 else [])]
 
 
 def _motion(pad: PadSeen, units: UnitSystem) -> list[str]:
-    name, unit = units.displacement_name, _unit(units.displacement)
+    unit = "" if units.displacement == "1" else f" {units.displacement}"
     worst = max(pad.tests, key=lambda test: test.motion.largest)
     steps = sorted({float(plain(t.motion.step, 2)) for t in pad.tests if t.motion.step_shows})
     of = f" (the encoder's step is {joined([plain(step) for step in steps], 'or')}{unit})"
     parts = [
-        f"motion: fitted to the {name} within {plain(worst.motion.largest, 2)}{unit} of every "
-        f"reading{of if steps else ''}"
+        f"motion: fitted to the {units.displacement_name} within "
+        f"{plain(worst.motion.largest, 2)}{unit} of every reading{of if steps else ''}"
     ]
     return parts + [test.motion.departure for test in pad.tests if test.motion.departure]
 
 
 def _contact(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """Describe the contact of tests of displacement and force; a strip in strain has none."""
-    if units.dimensionless:
+    if units.dimensionless:  # a strip in strain has no contact
         return []
     contacts = [(test.test, test.contact) for test in pad.tests if test.contact is not None]
     if not contacts:
@@ -140,13 +134,15 @@ def _clock(pad: PadSeen) -> list[str]:
 
 
 def _control(pad: PadSeen, units: UnitSystem) -> list[str]:
-    """Describe in which tests, and in which phases of a test, the force is prescribed, if any."""
     force = [test.test for test in pad.tests if test.control == Control.FORCE]
     by_phase = [test for test in pad.tests if test.control == BY_PHASE]
     if not force and not by_phase:
         return []
     where = [_tests(force)] if force else []
-    where += [f"{_spans(test)} of test {test.test}" for test in by_phase[:_NAMED]]
+    for test in by_phase[:_NAMED]:  # as 'hold (1.8 to 3.8 s) of test a'
+        loaded = [phase for phase in test.phases if phase.control == Control.FORCE]
+        spans = [f"{NAMES[p.phase]} ({plain(p.start)} to {plain(p.stop)} s)" for p in loaded]
+        where.append(f"{joined(_some(spans, ' phases'))} of test {test.test}")
     if len(by_phase) > _NAMED:
         where.append(f"phases of {len(by_phase) - _NAMED} more tests (in look.json)")
     rest = len(pad.tests) - len(force)
@@ -155,18 +151,5 @@ def _control(pad: PadSeen, units: UnitSystem) -> list[str]:
     return [f"control: the {units.force_name} is prescribed in {joined(where)}{others}"]
 
 
-def _spans(test: TestSeen) -> str:
-    """Return the phases of prescribed force, as 'hold (1.8 to 3.8 s)'."""
-    loaded = [phase for phase in test.phases if phase.control == Control.FORCE]
-    named = [f"{NAMES[p.phase]} ({plain(p.start)} to {plain(p.stop)} s)" for p in loaded[:_NAMED]]
-    more = len(loaded) - len(named)
-    return joined([*named, *([f"{more} more phases"] if more else [])])
-
-
 def _tests(names: Sequence[str]) -> str:
-    named = [*names[:_NAMED], *([f"{len(names) - _NAMED} more"] if len(names) > _NAMED else [])]
-    return f"test{'' if len(names) == 1 else 's'} {joined(named)}"
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
+    return f"test{'' if len(names) == 1 else 's'} {joined(_some(names))}"
