@@ -14,7 +14,7 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import in_natural_amplitude
-from qlvbayes.inference.starts import amplitude_of, shapes
+from qlvbayes.inference.starts import shapes
 from qlvbayes.laws.scales import SHARE
 
 NOTHING = "no effect"
@@ -137,12 +137,12 @@ def scale_amplitudes(
     for name in families.nameable:
         hypothesis = baseline.plus(name)
         own = space.parameters(hypothesis)
-        amplitude = amplitude_of(own, name)
+        amplitude = own.amplitude_of.get(name)
         if name in baseline.effects or amplitude is None:  # the user gave it a prior
             continue
         starts = shapes(space, point, own, name)
-        for start in dict.fromkeys(map(tuple, (starts[0], starts[-1]))):
-            added = space.added_force(hypothesis, np.array(start), amplitude.number, amplitude.sd)
+        ends = np.array(list(dict.fromkeys(map(tuple, (starts[0], starts[-1])))))
+        for added in space.added_forces(hypothesis, ends, amplitude.number, amplitude.sd):
             largest = float(np.max(np.abs(added[space.real])))
             if largest > 0.0 and math.isfinite(largest):
                 signatures.append(added / largest)

@@ -29,7 +29,7 @@ from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.starts import amplitude_of, projected, transferred
+from qlvbayes.inference.starts import projected, transferred
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
@@ -176,7 +176,7 @@ class Bench:
         own = self.space.parameters(more.hypothesis)
         start = nothing_added(own, self.space)
         start[own.positions_of(point.own)] = point.theta
-        if amplitude_of(own, effect) is None:
+        if effect not in own.amplitude_of:
             return self._least(more, [start])
         added = added_effect(self.density, point, more.hypothesis, effect)
         return self._least(more, [start] if added is None else [added.moved, added.after])

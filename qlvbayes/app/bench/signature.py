@@ -17,7 +17,7 @@ import numpy as np
 
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Amplitude, Hypothesis, Parameters
-from qlvbayes.inference.starts import amplitude_of, shapes
+from qlvbayes.inference.starts import shapes
 from qlvbayes.io.arrays import Array
 
 _ROUNDS = 3  # times that the size is inserted into the force
@@ -48,7 +48,7 @@ def added_effect(
     """Return an additional effect at a point, in the shape that takes most of the residual."""
     space = density.space
     own = space.parameters(hypothesis)
-    amplitude = amplitude_of(own, effect)
+    amplitude = own.amplitude_of.get(effect)
     if amplitude is None:
         return None
     starts = shapes(space, point, own, effect)
@@ -67,8 +67,8 @@ def _scaled(
     prior = point.prior.curvature
     size, shift, cost = amplitude.sd, np.zeros(point.own.size), np.inf
     for _ in range(_ROUNDS):
-        added = density.space.added_force(own.hypothesis, start, index, size)
-        force = density.whitener(added[None])[0]
+        added = density.space.added_forces(own.hypothesis, start[None], index, size)
+        force = density.whitener(added)[0]
         square = float(force @ force)
         if not (np.isfinite(square) and square > 0.0):
             return None

@@ -123,13 +123,15 @@ class Space:
         forces = self.forces(hypothesis, constants)
         return constants, forces[0], (forces[1:] - forces[0]) / steps[:, None, None]
 
-    def added_force(self, hypothesis: Hypothesis, theta: Array, number: int, size: float) -> Array:
-        """Return the force (T, B) in N that ``size`` more of one parameter adds at theta (F,)."""
-        added = theta.copy()
-        added[number] += size
-        constants = self.parameters(hypothesis).constants(np.stack([theta, added]))
-        before, after = self.forces(hypothesis, constants)
-        return np.asarray(after - before)
+    def added_forces(
+        self, hypothesis: Hypothesis, thetas: Array, number: int, size: float
+    ) -> Array:
+        """Return what ``size`` more of one parameter adds (S, T, B) in N at thetas (S, F)."""
+        added = thetas.copy()
+        added[:, number] += size
+        constants = self.parameters(hypothesis).constants(np.concatenate([added, thetas]))
+        forces = self.forces(hypothesis, constants)
+        return np.asarray(forces[: len(thetas)] - forces[len(thetas) :])
 
     @cached_property
     def curve_grids(self) -> tuple[Array, Array]:
