@@ -61,10 +61,9 @@ def over_shapes(
     """Return thetas (G,), ``count`` or more, that add an effect without force over its shapes."""
     base, count = theta.copy(), max(count, space.effects[effect].shapes)
     leaves = [leaf for name, leaf in parameters.by_name.items() if name.startswith(f"{effect}.")]
-    draws, taken, shape = space.draws("effects", effect), 0, None
+    draws, shape = space.prior_draws(parameters.hypothesis), None
     for leaf in leaves:
-        values = draws[:, taken : taken + len(leaf.theta)]
-        taken += len(leaf.theta)
+        values = draws[:, leaf.theta]
         if leaf.theta.start in parameters.amplitudes:
             base[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
             continue
@@ -183,7 +182,7 @@ def with_curve(space: Space, hypothesis: Hypothesis, part: str, goal: Array, the
     indices = space.indices_of(hypothesis, part)
     if not indices:
         return theta
-    parameters, draws = space.parameters(hypothesis), space.draws_of(hypothesis, part)
+    parameters, draws = space.parameters(hypothesis), space.prior_draws(hypothesis)[:, indices]
     middle, spread = np.median(draws, axis=0), np.maximum(draws.std(axis=0), _STEP)
     scale, steps = _CLOSE * float(np.max(np.abs(goal))), _STEP * np.eye(middle.size)
 
