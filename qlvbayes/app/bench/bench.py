@@ -19,7 +19,7 @@ from qlvbayes.app.bench.model import (
     values_of,
 )
 from qlvbayes.app.bench.signature import added_effect
-from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
+from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, leave_out, rmse
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.effect import AbstractEffect
@@ -246,8 +246,7 @@ class Bench:
         """
         point = self._point(model)
         residuals = []
-        for blocks, test, rows in self.samples.left_out():
-            others = self.density.without(blocks)
+        for others, test, rows in leave_out(self.density, self.samples):
             mode = find_mode(others, model.hypothesis, point.theta)
             refitted = mode.point if mode is not None else point
             predicted = self._forces(others, model.hypothesis, refitted.constants)[test]
