@@ -93,27 +93,20 @@ def log_prior(
     settings: DiagnosisSettings,
 ) -> float:
     """Return the log prior probability of a hypothesis: of its laws and its added effects."""
-    total = _log_prior_of_set(hypothesis, baseline, families, settings)
-    for law, chosen, known in zip(hypothesis.base, baseline.base, laws, strict=True):
-        if len(known) > 1:
-            others = (1.0 - settings.chosen_law) / (len(known) - 1)
-            total += math.log(settings.chosen_law if law == chosen else others)
-    return total
-
-
-def _log_prior_of_set(
-    hypothesis: Hypothesis, baseline: Hypothesis, families: Families, settings: DiagnosisSettings
-) -> float:
-    """Return the log prior probability of the effects that a hypothesis adds."""
     added = hypothesis.effects - baseline.effects
     taken = {families.family_of[name] for name in baseline.effects}
     chosen = {families.family_of[name] for name in added}
     if len(chosen) < len(added) or chosen & taken:
         return -math.inf
     free = set(families.family_of.values()) - taken
-    missing = len(added) * math.log1p(-settings.complete)
-    total = math.log(settings.complete) + missing - math.log(math.comb(len(free), len(added)))
-    return total + sum(math.log(families.share(name, settings.candidate)) for name in added)
+    total = math.log(settings.complete) + len(added) * math.log1p(-settings.complete)
+    total -= math.log(math.comb(len(free), len(added)))
+    total += sum(math.log(families.share(name, settings.candidate)) for name in added)
+    for law, own, known in zip(hypothesis.base, baseline.base, laws, strict=True):
+        if len(known) > 1:
+            others = (1.0 - settings.chosen_law) / (len(known) - 1)
+            total += math.log(settings.chosen_law if law == own else others)
+    return total
 
 
 def log_odds_of_effect(candidates: int, settings: DiagnosisSettings) -> float:
