@@ -217,7 +217,7 @@ def around(
     own = space.parameters(hypothesis)
     found = [own.within(theta)]
     relaxing = space.indices_of(hypothesis, "relaxation")
-    for drawn in space.draws_of(hypothesis, "relaxation")[:redrawn]:
+    for drawn in space.prior_draws(hypothesis)[:redrawn, relaxing]:
         start = found[0].copy()
         start[relaxing] = drawn
         found.append(start)

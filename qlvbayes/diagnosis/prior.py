@@ -14,7 +14,7 @@ from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.forward.space import in_natural_amplitude
-from qlvbayes.inference.starts import amplitude_of, shapes
+from qlvbayes.inference.starts import shapes
 from qlvbayes.laws.scales import SHARE
 
 NOTHING = "no effect"
@@ -93,27 +93,20 @@ def log_prior(
     settings: DiagnosisSettings,
 ) -> float:
     """Return the log prior probability of a hypothesis: of its laws and its added effects."""
-    total = _log_prior_of_set(hypothesis, baseline, families, settings)
-    for law, chosen, known in zip(hypothesis.base, baseline.base, laws, strict=True):
-        if len(known) > 1:
-            others = (1.0 - settings.chosen_law) / (len(known) - 1)
-            total += math.log(settings.chosen_law if law == chosen else others)
-    return total
-
-
-def _log_prior_of_set(
-    hypothesis: Hypothesis, baseline: Hypothesis, families: Families, settings: DiagnosisSettings
-) -> float:
-    """Return the log prior probability of the effects that a hypothesis adds."""
     added = hypothesis.effects - baseline.effects
     taken = {families.family_of[name] for name in baseline.effects}
     chosen = {families.family_of[name] for name in added}
     if len(chosen) < len(added) or chosen & taken:
         return -math.inf
     free = set(families.family_of.values()) - taken
-    missing = len(added) * math.log1p(-settings.complete)
-    total = math.log(settings.complete) + missing - math.log(math.comb(len(free), len(added)))
-    return total + sum(math.log(families.share(name, settings.candidate)) for name in added)
+    total = math.log(settings.complete) + len(added) * math.log1p(-settings.complete)
+    total -= math.log(math.comb(len(free), len(added)))
+    total += sum(math.log(families.share(name, settings.candidate)) for name in added)
+    for law, own, known in zip(hypothesis.base, baseline.base, laws, strict=True):
+        if len(known) > 1:
+            others = (1.0 - settings.chosen_law) / (len(known) - 1)
+            total += math.log(settings.chosen_law if law == own else others)
+    return total
 
 
 def log_odds_of_effect(candidates: int, settings: DiagnosisSettings) -> float:
@@ -137,12 +130,12 @@ def scale_amplitudes(
     for name in families.nameable:
         hypothesis = baseline.plus(name)
         own = space.parameters(hypothesis)
-        amplitude = amplitude_of(own, name)
+        amplitude = own.amplitude_of.get(name)
         if name in baseline.effects or amplitude is None:  # the user gave it a prior
             continue
         starts = shapes(space, point, own, name)
-        for start in dict.fromkeys(map(tuple, (starts[0], starts[-1]))):
-            added = space.added_force(hypothesis, np.array(start), amplitude.number, amplitude.sd)
+        ends = np.array(list(dict.fromkeys(map(tuple, (starts[0], starts[-1])))))
+        for added in space.added_forces(hypothesis, ends, amplitude.number, amplitude.sd):
             largest = float(np.max(np.abs(added[space.real])))
             if largest > 0.0 and math.isfinite(largest):
                 signatures.append(added / largest)

@@ -106,14 +106,10 @@ class Search:
         """Return the effects in addition to those that the user put into the model, sorted."""
         return sorted(hypothesis.effects - self.baseline.effects)
 
-    def form_of(self, hypothesis: Hypothesis, family: str) -> str | None:
-        """Return the form in which a hypothesis adds an effect; None if it does not add it."""
-        own = self.added(hypothesis)
-        return next((name for name in own if self.families.family_of[name] == family), None)
-
     def without(self, candidate: Candidate, family: str) -> Candidate | None:
         """Return a candidate without one of its effects, which is evaluated now if it was not."""
-        form = self.form_of(candidate.hypothesis, family)
+        own = self.added(candidate.hypothesis)
+        form = next((name for name in own if self.families.family_of[name] == family), None)
         if form is None:
             return None
         less = candidate.hypothesis.less(form)

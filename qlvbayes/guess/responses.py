@@ -32,7 +32,7 @@ from qlvbayes.effects.effect import Protocol
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import Mode, base_modes, find_mode
-from qlvbayes.inference.starts import amplitude_of, over_shapes, starts, transferred
+from qlvbayes.inference.starts import over_shapes, starts, transferred
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import NoFiniteForceError
 from qlvbayes.model.choices import Choices
@@ -155,7 +155,7 @@ def _rows(density: Density, mode: Mode, search: Search) -> list[Row]:
     for name in search.families.addable(search.baseline.effects):
         hypothesis = point.own.hypothesis.plus(name)
         parameters = space.parameters(hypothesis)
-        amplitude = amplitude_of(parameters, name)
+        amplitude = parameters.amplitude_of.get(name)
         if amplitude is None:
             continue
         theta = transferred(point.own, point.theta, parameters)

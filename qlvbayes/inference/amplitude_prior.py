@@ -44,11 +44,6 @@ def log_noticeable(
     return math.log(max(posterior_mean, _ROUNDING)) - math.log(prior_mean)
 
 
-def log_density(prior: HalfNormal | Normal, amplitude: float) -> float:
-    """Return the log density of the prior, bracket included, at an amplitude."""
-    return float(prior.log_density(amplitude)) + log_noticeable(prior, amplitude, 0.0)
-
-
 def _mean_bracket(mean: float, sd: float, t: float, positive: bool) -> float:
     """Return the mean of 1 - exp(-a^2/2t^2) for a normal, truncated at zero where ``positive``."""
     mean = max(mean, -_FAR * sd) if positive else mean

@@ -59,17 +59,20 @@ class Point:
     slopes: Array  # (P, F): derivatives of the constants with respect to theta
     predicted: Array  # (T, B): block means of the force (N)
     responses: Array  # (F, T, B): derivatives of these with respect to theta
-    # residual (n,) and jacobian (F, n): whitened
-    residual: Array
-    jacobian: Array
+    vectors: Array  # (1 + F, n): residual and Jacobian, whitened
     prior: Terms  # expansion of minus the log prior density
     # separates the discrepancy from what the derivatives of the force can follow
     separation: Separation
 
-    @cached_property
-    def vectors(self) -> Array:
-        """Return the residual and the rows of the Jacobian as one array (1 + F, n)."""
-        return np.concatenate([self.residual[None], self.jacobian])
+    @property
+    def residual(self) -> Array:
+        """Return the whitened residual (n,)."""
+        return self.vectors[0]
+
+    @property
+    def jacobian(self) -> Array:
+        """Return the whitened Jacobian (F, n) of the force."""
+        return self.vectors[1:]
 
     @property
     def scattered(self) -> Array:
@@ -80,7 +83,12 @@ class Point:
 
     def terms(self, discrepancy: DiscrepancyOfSize) -> Terms:
         """Return the expansion of minus the log density, given a discrepancy of one size."""
-        return gauss_newton(discrepancy, self.vectors, self.prior)
+        products, prior = discrepancy.products(self.vectors), self.prior
+        return Terms(
+            0.5 * (float(products[0, 0]) + discrepancy.log_volume) + prior.loss,
+            prior.gradient - products[0, 1:],
+            prior.curvature + products[1:, 1:],
+        )
 
     def added_terms(self, columns: Array, discrepancy: DiscrepancyOfSize) -> Terms:
         """Return the expansion over K added parameters that have no prior, at whitened columns.
@@ -96,16 +104,6 @@ class Point:
         gradient = -products[0, new] - mixed.T @ solved[:, -1]
         curvature = products[new, new] - mixed.T @ solved[:, :-1]
         return Terms(0.5 * (misfit + discrepancy.log_volume), gradient, curvature)
-
-
-def gauss_newton(discrepancy: DiscrepancyOfSize, vectors: Array, prior: Terms) -> Terms:
-    """Return the expansion of minus the log density from vectors (1 + F, n)."""
-    products = discrepancy.products(vectors)
-    return Terms(
-        0.5 * (float(products[0, 0]) + discrepancy.log_volume) + prior.loss,
-        prior.gradient - products[0, 1:],
-        prior.curvature + products[1:, 1:],
-    )
 
 
 class Density:
@@ -150,29 +148,25 @@ class Density:
         prior = _prior(parameters, theta)
         steps = np.abs(responses).max() * STEP * parameters.length.max()
         largest = np.maximum(np.abs(predicted).max(), steps)  # a NaN fails the comparison below
-        if not (largest < LARGEST_FORCE * self.discrepancy.peak and np.isfinite(prior.loss)):
+        if not (
+            largest < LARGEST_FORCE * self.discrepancy.peak
+            and all(np.isfinite(one).all() for one in prior)
+        ):
             return None
-        if not (np.isfinite(prior.gradient).all() and np.isfinite(prior.curvature).all()):
-            return None
-        whitened = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
-        return Point(
-            parameters,
-            theta,
-            constants[0],
-            ((constants[1:] - constants[0]) / (STEP * parameters.length)[:, None]).T,
-            predicted,
-            responses,
-            whitened[0],
-            whitened[1:],
-            prior,
-            self.discrepancy.separated(
-                np.where(_movable(parameters, theta)[:, None, None], responses, 0.0),
-                parameters.length,
-                partial(scaled_parts, predicted, responses, theta, parameters.amplitudes),
-                NONE if like is None else like.scatter,
-                self._motion_errors(hypothesis, constants[0]) if like is None else like.errors,
-            ),
+        # what lies at one of its bounds follows nothing beyond it
+        near = _AT_BOUND * parameters.length
+        movable = (theta > parameters.lowest + near) & (theta < parameters.highest - near)
+        separation = self.discrepancy.separated(
+            np.where(movable[:, None, None], responses, 0.0),
+            parameters.length,
+            partial(scaled_parts, predicted, responses, theta, parameters.amplitudes),
+            NONE if like is None else like.scatter,
+            self._motion_errors(hypothesis, constants[0]) if like is None else like.errors,
         )
+        slopes = ((constants[1:] - constants[0]) / (STEP * parameters.length)[:, None]).T
+        vectors = self.whitener(np.concatenate([(self._force - predicted)[None], responses]))
+        own = constants[0], slopes, predicted, responses, vectors, prior, separation
+        return Point(parameters, theta, *own)
 
     def _motion_errors(self, hypothesis: Hypothesis, constants: Array) -> Array | None:
         """Return errors (K, n) of the force by those of speed and acceleration (N)."""
@@ -196,8 +190,12 @@ class Density:
         logs = np.full((len(thetas), self.discrepancy.sizes.size), -np.inf)
         largest = LARGEST_FORCE * self.discrepancy.peak
         kept, priors, residuals = self.space.residuals(parameters.hypothesis, thetas, largest)
-        priors = priors + _log_noticeable(parameters, thetas[kept], tolerance)
-        white, nearest = self.whitener(residuals), _nearest(thetas[kept], modes)
+        for amplitude in parameters.amplitude_of.values():
+            values = thetas[kept, amplitude.number].tolist()
+            priors = priors + [log_noticeable(amplitude.prior, x, 0.0, tolerance) for x in values]
+        white = self.whitener(residuals)
+        apart = [((thetas[kept] - one.theta) / one.own.length) ** 2 for one in modes]
+        nearest = np.argmin([one.sum(axis=1) for one in apart], axis=0)
         for k, point in enumerate(modes):
             nearest_k = nearest == k
             likelihood = self.discrepancy.log_likelihoods(white[nearest_k], point.separation, sizes)
@@ -226,18 +224,6 @@ class Density:
         return size, replace(point, separation=separation.with_scatter(scatter))
 
 
-def _movable(parameters: Parameters, theta: Array) -> NDArray[np.bool_]:
-    """Return which free parameters (F,) lie at none of their bounds, beyond which none follows."""
-    near = _AT_BOUND * parameters.length
-    return (theta > parameters.lowest + near) & (theta < parameters.highest - near)
-
-
-def _nearest(thetas: Array, modes: Sequence[Point]) -> NDArray[np.intp]:
-    """Return the index (K,) of the mode nearest to each of thetas (K, F), in natural lengths."""
-    distances = [((thetas - one.theta) / one.own.length) ** 2 for one in modes]
-    return np.argmin([one.sum(axis=1) for one in distances], axis=0)
-
-
 def _prior(parameters: Parameters, theta: Array) -> Terms:
     """Return the expansion of minus the log prior density at theta (F,)."""
     direct = parameters.direct
@@ -255,15 +241,6 @@ def _prior(parameters: Parameters, theta: Array) -> Terms:
         overflowed = not np.isfinite(second).all()
         curvature[here, here] = 0.0 if overflowed else positive_part(-second)
     return Terms(loss, gradient, curvature)
-
-
-def _log_noticeable(parameters: Parameters, thetas: Array, tolerance: float) -> Array:
-    """Return by how much (K,) the log prior changes where negligible amplitudes are excluded."""
-    logs = np.zeros(len(thetas))
-    for amplitude in parameters.amplitude_of.values():
-        values = thetas[:, amplitude.number].tolist()
-        logs += [log_noticeable(amplitude.prior, one, 0.0, tolerance) for one in values]
-    return logs
 
 
 def positive_part(matrix: Array) -> Array:

@@ -61,7 +61,9 @@ def evidence(density: Density, point: Point, guess: float = 0.0) -> Evidence:
     above = np.minimum(point.own.highest - theta, reach)
     sizes, log_prior = density.discrepancy.sizes, density.discrepancy.log_prior
     likeliest = density.likeliest_size(point, guess)
-    far = _is_far(density, point, likeliest)
+    there = density.terms(point, likeliest)
+    # whether a step from the point would still gain much
+    far = predicted_decrease(there, bounded_step(there, 0.0, point)) > _FAR
     logs, known = np.full(sizes.size, -math.inf), {}
     start = int(np.argmin(np.abs(sizes - likeliest)))
     for way in (range(start, sizes.size), range(start - 1, -1, -1)):
@@ -74,28 +76,21 @@ def evidence(density: Density, point: Point, guess: float = 0.0) -> Evidence:
             if logs[k] < logs.max() - _NEGLIGIBLE:
                 break
     best = int(np.argmax(logs))
+    nothing = np.zeros((theta.size, theta.size))
     if not math.isfinite(logs[best]):
-        return Evidence(
-            -math.inf, logs, theta, np.eye(theta.size), np.zeros((theta.size, theta.size))
-        )
+        return Evidence(-math.inf, logs, theta, np.eye(theta.size), nothing)
     terms, shift = known[best]
-    covariance = np.linalg.inv(terms.curvature + np.diag(_widths(point) ** -2))
-    return Evidence(
-        float(logsumexp(logs)),
-        logs,
-        theta + shift,
-        np.asarray(covariance),
-        positive_part(_discrepancy_moment(density, point, softmax(logs)) - covariance),
-    )
-
-
-def _discrepancy_moment(density: Density, point: Point, weights: Array) -> Array:
-    r"""Return the second moment (F, F) of the parameters about the mode, given a discrepancy."""
-    size = math.sqrt(float(weights @ density.discrepancy.sizes**2))
-    if size == 0.0 and not any(point.separation.scatter.sizes):
-        return np.zeros((point.theta.size, point.theta.size))
-    whole = point.separation.unseparated(density.discrepancy.at(size))
-    return second_moment(point.terms(whole), point.own.length)
+    # a parameter between two bounds has the sd that its prior has
+    between = np.isfinite(point.own.lowest) & np.isfinite(point.own.highest)
+    widths = np.where(between, point.own.length, math.inf)
+    covariance = np.asarray(np.linalg.inv(terms.curvature + np.diag(widths**-2)))
+    # what a discrepancy of the mean square size may have moved the parameters by
+    size, moment = math.sqrt(float(softmax(logs) @ sizes**2)), nothing
+    if size > 0.0 or any(point.separation.scatter.sizes):
+        whole = point.separation.unseparated(density.discrepancy.at(size))
+        moment = second_moment(point.terms(whole), point.own.length)
+    spread = positive_part(moment - covariance)
+    return Evidence(float(logsumexp(logs)), logs, theta + shift, covariance, spread)
 
 
 def second_moment(terms: Terms, lengths: Array) -> Array:
@@ -104,19 +99,6 @@ def second_moment(terms: Terms, lengths: Array) -> Array:
     step = -covariance @ terms.gradient
     step /= max(1.0, float(np.max(np.abs(step) / lengths)))
     return np.asarray(covariance + np.outer(step, step))
-
-
-def _is_far(density: Density, point: Point, size: float) -> bool:
-    """Return whether a step from the point would still gain much, at a size (N)."""
-    terms = density.terms(point, size)
-    return predicted_decrease(terms, bounded_step(terms, 0.0, point)) > _FAR
-
-
-def _widths(point: Point) -> Array:
-    """Return the sd (F,) of parameters between two bounds; infinity for the others."""
-    parameters = point.own
-    between = np.isfinite(parameters.lowest) & np.isfinite(parameters.highest)
-    return np.where(between, parameters.length, math.inf)
 
 
 def laplace(terms: Terms, below: Array, above: Array) -> tuple[float, Array]:

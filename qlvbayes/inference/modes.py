@@ -179,7 +179,7 @@ def redrawn_modes(
     """
     known = list(initial)
     indices = density.space.indices_of(hypothesis, "relaxation")
-    drawn = density.space.draws_of(hypothesis, "relaxation", seed)
+    drawn = density.space.prior_draws(hypothesis, seed)[:, indices]
     for first in range(0, len(drawn), draws):
         best, some = known[0], drawn[first : first + draws]
         starts = np.tile(best.point.theta, (len(some), 1))

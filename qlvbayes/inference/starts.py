@@ -7,24 +7,24 @@ the constants are fitted to the curve without any force of the record.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from qlvbayes.inference.density import Point
 from qlvbayes.inference.forward.fixedrates import relaxation_of
-from qlvbayes.inference.forward.hypothesis import Amplitude, Hypothesis, Parameters
+from qlvbayes.inference.forward.hypothesis import Hypothesis, Parameters
 from qlvbayes.inference.forward.space import FEW, Space
 from qlvbayes.io.arrays import Array
 
 _SCALED = 0.1  # least share of an amplitude to which a start is scaled down
 _SHAPES = 4  # quantiles of the prior of an effect's first constant other than its amplitude
-
-
-def amplitude_of(parameters: Parameters, effect: str) -> Amplitude | None:
-    """Return the amplitude of an effect; None if no parameter of its is an amplitude."""
-    return parameters.amplitude_of.get(effect)
+_CLOSE = 0.01  # of a curve's largest value: a deviation that costs as much as one prior sd
+_STARTS = 2  # draws of the priors, the median first
+_CALLS = 15  # evaluations of a curve at most: the force decides what follows
+_TOLERANCE = 1e-3  # relative decrease of the cost in a step at which a fit ends
+_STEP = 1e-6  # of difference quotients
 
 
 def transferred(
@@ -61,10 +61,9 @@ def over_shapes(
     """Return thetas (G,), ``count`` or more, that add an effect without force over its shapes."""
     base, count = theta.copy(), max(count, space.effects[effect].shapes)
     leaves = [leaf for name, leaf in parameters.by_name.items() if name.startswith(f"{effect}.")]
-    draws, taken, shape = space.draws("effects", effect), 0, None
+    draws, shape = space.prior_draws(parameters.hypothesis), None
     for leaf in leaves:
-        values = draws[:, taken : taken + len(leaf.theta)]
-        taken += len(leaf.theta)
+        values = draws[:, leaf.theta]
         if leaf.theta.start in parameters.amplitudes:
             base[leaf.theta.start] = next(iter(space.effects[effect].null.values()))
             continue
@@ -136,61 +135,32 @@ def _screened(
     """Return thetas (F,) with an effect at the shape and amplitude that promise most at a point.
 
     The effect's force at each shape and at each of ``sizes`` (sds of the amplitude's prior) is
-    projected on what the constants at the point cannot follow. The one of each
-    size that gains most starts, scaled to where it gains most.
+    projected on what the constants at the point cannot follow. It gains what it takes of the sum of
+    squares (N2). The one of each size that gains most starts, scaled to where it gains most.
     """
     at_zero = np.stack(over_shapes(space, parameters, effect, theta, count))
-    amplitude = amplitude_of(parameters, effect)
+    amplitude = parameters.amplitude_of.get(effect)
     if amplitude is None:
         return list(at_zero)
+    real = space.real
+    left = (np.asarray(space.record.blocks.force) - point.predicted)[real]
+    basis, _ = np.linalg.qr(point.responses[:, real].T)
     signed = parameters.lowest[amplitude.number] == -np.inf
     chosen = []
     for size in (*sizes, *(-one for one in sizes)) if signed else sizes:
-        tried = at_zero.copy()
-        tried[:, amplitude.number] += size * amplitude.sd
-        gains, scales = _gains(space, point, parameters, at_zero, tried)
+        step = size * amplitude.sd
+        added = space.added_forces(parameters.hypothesis, at_zero, amplitude.number, step)[:, real]
+        added = np.where(np.isfinite(added).all(axis=1, keepdims=True), added, 0.0)
+        own = added - (added @ basis) @ basis.T
+        toward = np.maximum(own @ left, 0.0)
+        squares = np.maximum(np.sum(own**2, axis=1), np.finfo(float).tiny)
+        gains = toward**2 / squares
         k = int(np.argmax(gains))
         start = at_zero[k].copy()
-        scale = np.clip(scales[k], _SCALED, 1.0 / _SCALED)
-        start[amplitude.number] += scale * size * amplitude.sd
+        start[amplitude.number] += np.clip(toward[k] / squares[k], _SCALED, 1.0 / _SCALED) * step
         chosen.append((float(gains[k]), start))
     chosen.sort(key=lambda one: -one[0])
     return [start for _, start in chosen[:optimised]]
-
-
-def added_forces(space: Space, parameters: Parameters, none: Array, thetas: Array) -> Array:
-    """Return the forces (S, T, B) in N that an effect adds at thetas (S, F) to those without it."""
-    both = parameters.constants(np.concatenate([thetas, none]))
-    forces = space.forces(parameters.hypothesis, both)
-    return np.asarray(forces[: len(thetas)] - forces[len(thetas) :])
-
-
-def _gains(
-    space: Space, point: Point, parameters: Parameters, none: Array, thetas: Array
-) -> tuple[Array, Array]:
-    """Return what an effect gains at thetas (S, F) over those without it, and where most.
-
-    The gain (S,) is that of the sum of squares (N2) at a point whose other constants follow; the
-    scale (S,) of the effect's force at which it is largest is at least zero.
-    """
-    real = space.real
-    added = added_forces(space, parameters, none, thetas)[:, real]
-    added = np.where(np.isfinite(added).all(axis=1, keepdims=True), added, 0.0)
-    left = (np.asarray(space.record.blocks.force) - point.predicted)[real]
-    basis, _ = np.linalg.qr(point.responses[:, real].T)
-    own = added - (added @ basis) @ basis.T
-    toward = np.maximum(own @ left, 0.0)
-    size = np.maximum(np.sum(own**2, axis=1), np.finfo(float).tiny)
-    return toward**2 / size, toward / size
-
-
-Curve = Callable[[Array], Array]
-
-_CLOSE = 0.01  # of the curve's largest value: a deviation that costs as much as one prior sd
-_STARTS = 2  # draws of the priors, the median first
-_CALLS = 15  # evaluations of the curve at most: the force decides what follows
-_TOLERANCE = 1e-3  # relative decrease of the cost in a step at which a fit ends
-_STEP = 1e-6  # of difference quotients
 
 
 def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) -> Array:
@@ -205,57 +175,37 @@ def projected(space: Space, point: Point, hypothesis: Hypothesis, theta: Array) 
 
 
 def with_curve(space: Space, hypothesis: Hypothesis, part: str, goal: Array, theta: Array) -> Array:
-    """Return theta (F,) with the parameters of one law fitted so that its curve is near a goal."""
+    """Return theta (F,) with the parameters of one law fitted so that its curve is near a goal.
+
+    They are held near the draws of their priors.
+    """
     indices = space.indices_of(hypothesis, part)
     if not indices:
         return theta
-    parameters, fitted = space.parameters(hypothesis), theta.copy()
-    curve = _curve(space, parameters, part, theta, indices)
-    fitted[indices] = _fitted(curve, goal, space.draws_of(hypothesis, part), parameters, indices)
-    return fitted
+    parameters, draws = space.parameters(hypothesis), space.prior_draws(hypothesis)[:, indices]
+    middle, spread = np.median(draws, axis=0), np.maximum(draws.std(axis=0), _STEP)
+    scale, steps = _CLOSE * float(np.max(np.abs(goal))), _STEP * np.eye(middle.size)
 
-
-def _curve(
-    space: Space, parameters: Parameters, part: str, theta: Array, indices: list[int]
-) -> Callable[[Array], Array]:
-    """Return a function from values (K, count) of some of theta's parameters to curves (K, 40)."""
-
-    def curve(values: Array) -> Array:
+    def curves(values: Array) -> Array:
         thetas = np.tile(theta, (len(values), 1))
         thetas[:, indices] = values
-        return space.curve(parameters.hypothesis, part, parameters.constants(thetas))
-
-    return curve
-
-
-def _fitted(
-    curve: Curve, goal: Array, draws: Array, parameters: Parameters, indices: list[int]
-) -> Array:
-    """Return parameters (count,) whose curve is nearest to a goal, held near the priors' draws."""
-    middle, spread = np.median(draws, axis=0), np.maximum(draws.std(axis=0), _STEP)
-    scale = _CLOSE * float(np.max(np.abs(goal)))
-    steps = _STEP * np.eye(middle.size)
+        return space.curve(hypothesis, part, parameters.constants(thetas))
 
     def residual(x: Array) -> Array:
-        return np.concatenate([(curve(x[None])[0] - goal) / scale, (x - middle) / spread])
+        return np.concatenate([(curves(x[None])[0] - goal) / scale, (x - middle) / spread])
 
     def slopes(x: Array) -> Array:
-        rows = curve(np.concatenate([x[None], x + steps]))
+        rows = curves(np.concatenate([x[None], x + steps]))
         return np.concatenate([(rows[1:] - rows[0]).T / (_STEP * scale), np.diag(1.0 / spread)])
 
     bounds = parameters.lowest[indices], parameters.highest[indices]
-    inside = [np.clip(x, *bounds) for x in (middle, *draws[: _STARTS - 1])]
-    finite = [x for x in inside if np.isfinite(residual(x)).all()]
-    fits = [_least(residual, slopes, x, bounds) for x in finite]
-    return min(fits, key=lambda one: one[0], default=(0.0, middle))[1]
-
-
-def _least(
-    residual: Curve, slopes: Curve, start: Array, bounds: tuple[Array, Array]
-) -> tuple[float, Array]:
-    """Return the least cost that a start leads to, and the parameters there."""
-    try:
-        fit = least_squares(residual, start, slopes, bounds, max_nfev=_CALLS, ftol=_TOLERANCE)
-    except ValueError:  # the curve became infinite
-        return np.inf, start
-    return float(fit.cost), np.asarray(fit.x)
+    least, nearest = np.inf, middle
+    for start in (middle, *draws[: _STARTS - 1]):
+        inside = np.clip(start, *bounds)
+        with suppress(ValueError):  # the curve is infinite there, or became so
+            fit = least_squares(residual, inside, slopes, bounds, max_nfev=_CALLS, ftol=_TOLERANCE)
+            if fit.cost < least:
+                least, nearest = float(fit.cost), fit.x
+    fitted = theta.copy()
+    fitted[indices] = nearest
+    return fitted

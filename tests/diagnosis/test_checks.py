@@ -31,7 +31,6 @@ from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.motion.experiment import Experiment, prepare
-from qlvbayes.motion.record import batch
 from qlvbayes.priors import HalfNormal
 from qlvbayes.simulate import HIDDEN, NOISES, TABLE_1, HiddenPad, paper_protocol, record_study
 from qlvbayes.simulate.hidden import ViscousDrag
@@ -204,31 +203,6 @@ def test_a_drag_is_carried_by_many_and_one_reading_is_told_as_one(searched):
     assert one.blocks == 1
     assert one.test == experiment.trials[test].name
     assert decisive(density, experiment.trials, alone, other) is None
-
-
-def test_samples_in_parts_are_predicted_as_all_of_them_together():
-    """A platen that comes through 0.8 mm of air: each part knows when it touched the pad."""
-    time = np.arange(0.0, 6.0, 2e-3)
-    depth = np.interp(time, [0.0, 1.0, 1.6, 4.0, 4.4, 6.0], [-0.8, -0.8, 1.6, 1.6, 0.0, 0.0])
-    force = np.maximum(depth, 0.0) + 1e-3 * np.random.default_rng(0).standard_normal(time.size)
-    tests = [
-        Test(name=name, pad="p", time=time, displacement=depth, force=force, role="fit")
-        for name in ("first", "second")
-    ]
-    experiment = prepare(Pad("p", tuple(tests), PAD))
-    space = build_search(experiment, kinds=FEW).density.space
-    hypothesis = Hypothesis("exponential", "prony:2")
-    constants = space.parameters(hypothesis).constants(space.prior_draws(hypothesis)[:3])
-    samples = Samples.from_experiment(experiment, space)
-    assert len(samples.parts) > 1
-    records = [
-        experiment.reduced(trial, rows)
-        for trial, rows in zip(experiment.trials, samples.rows, strict=True)
-    ]
-    together = space.forces(hypothesis, constants, batch(records))
-    for k, force in enumerate(samples.predict(hypothesis, constants)):
-        peak = np.abs(force).max(axis=1, keepdims=True)
-        assert np.all(np.abs(force - together[:, k, : force.shape[1]]) < 1e-3 * peak)
 
 
 ROWS = 60

@@ -104,12 +104,12 @@ def test_distances_are_those_between_normals(seed):
     d, half = one[0] - two[0], 0.5 * (S + T)
     logs = [np.linalg.slogdet(x)[1] for x in (half, S, T)]
     near = d @ np.linalg.solve(half, d) / 8.0 + 0.5 * (logs[0] - 0.5 * (logs[1] + logs[2]))
-    assert found.bhattacharyya(0, 1)[0] == pytest.approx(near)
+    assert found.distances[0][0, 1, 0] == pytest.approx(near)
     far = [
         0.5 * (np.trace(np.linalg.solve(b, a)) + d @ np.linalg.solve(b, d) - 5 + gap)
         for a, b, gap in ((S, T, logs[2] - logs[1]), (T, S, logs[1] - logs[2]))
     ]
-    assert [found.kullback(0, 1)[0], found.kullback(1, 0)[0]] == pytest.approx(far)
+    assert [found.distances[1][0, 1, 0], found.distances[1][1, 0, 0]] == pytest.approx(far)
     assert found.evidence()[0] == pytest.approx(2.0 * min(far))
 
 

@@ -21,7 +21,7 @@ from qlvbayes.effects.contacts import InterfaceSlip
 from qlvbayes.effects.effect import AbstractEffect, Level
 from qlvbayes.inference.evidence import evidence
 from qlvbayes.inference.forward.hypothesis import Hypothesis
-from qlvbayes.inference.starts import amplitude_of, shapes
+from qlvbayes.inference.starts import shapes
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.model.choices import Choices
@@ -206,7 +206,7 @@ def test_an_effect_at_nothing_is_the_plain_model_and_none_beats_an_exact_fit(pla
     found = space.forces(hypothesis, own.constants(last[None]))[0]
     close = (1e-5 if kind.costly else 1e-9) * np.abs(point.predicted).max()
     np.testing.assert_allclose(found, point.predicted, rtol=0.0, atol=close)
-    amplitude = amplitude_of(own, kind.name)
+    amplitude = own.amplitude_of[kind.name]
     first[amplitude.number] = 0.5 * amplitude.sd
     halves = [leaf.theta.start for leaf in own.leaves if isinstance(leaf.prior, HalfNormal)]
     halves = [number for number in halves if number not in own.amplitudes]

@@ -321,8 +321,7 @@ def point(made, slopes, residual, prior, predicted=None):
     """Return a fit of these derivatives (D, T, B) and residuals (T, B)."""
     vectors = made.whitener(np.concatenate([residual[None], slopes]))
     own = SimpleNamespace(length=np.ones(len(slopes)))
-    theta, white = np.zeros(len(slopes)), (vectors[0], vectors[1:])
-    return Point(own, theta, None, None, predicted, slopes, *white, prior, None)
+    return Point(own, np.zeros(len(slopes)), None, None, predicted, slopes, vectors, prior, None)
 
 
 def test_constants_are_moved_by_what_a_discrepancy_may_have_moved_them():

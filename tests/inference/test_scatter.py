@@ -75,8 +75,9 @@ def test_the_likeliest_scatter_lowers_the_loss_by_what_is_said():
     left = flat(by_test(parts)).T @ scales + rng.normal(size=TESTS * BLOCKS)
     residual = found.whitener.whiten(left[None])[0]
     size, scatter = found.likeliest(residual, 0.0, separation)
+    here = list(found.sizes).index(size)
     losses = {
-        sizes: found.loss(residual, list(found.sizes).index(size), separation.with_scatter(s))
+        sizes: -found.log_likelihoods(residual[None], separation.with_scatter(s))[0, here]
         for sizes in [(0.0, 0.0), scatter.sizes, (0.5, 0.0)]
         for s in [scatter if sizes == scatter.sizes else Scatter(sizes)]
     }

@@ -9,7 +9,7 @@ from support.motions import constant_jerk, sampled, trapezoids, triangle
 
 from qlvbayes.diagnosis.searchsetup import build_search
 from qlvbayes.effects.catalogue import EFFECTS, FORMS
-from qlvbayes.inference.starts import amplitude_of, shapes
+from qlvbayes.inference.starts import shapes
 from qlvbayes.io.data import Pad, Test
 from qlvbayes.io.units import PAD
 from qlvbayes.motion.experiment import prepare
@@ -208,7 +208,7 @@ def test_a_billionth_of_an_effect_moves_no_block_mean(search, below):
     point = search.modes[search.baseline][0].point
     theta[own.positions_of(point.own)] = point.theta
     for name in below:
-        amplitude = amplitude_of(own, name)
+        amplitude = own.amplitude_of[name]
         theta[amplitude.number] = 3.0 * amplitude.sd
     start = search.density.at(base, theta)
     for kind in (*EFFECTS, *FORMS):
@@ -217,7 +217,7 @@ def test_a_billionth_of_an_effect_moves_no_block_mean(search, below):
         more = base.plus(kind.name)
         other = space.parameters(more)
         one = shapes(space, start, other, kind.name)[0]
-        amplitude = amplitude_of(other, kind.name)
+        amplitude = other.amplitude_of[kind.name]
         nothing, slight = one.copy(), one.copy()
         slight[amplitude.number] += 1e-9 * amplitude.sd
         forces = space.forces(more, other.constants(np.stack([nothing, slight])))

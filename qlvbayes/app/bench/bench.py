@@ -18,7 +18,7 @@ from qlvbayes.app.bench.model import (
     theta_of,
     values_of,
 )
-from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, rmse
+from qlvbayes.diagnosis.checks.samples import Samples, cell_errors, leave_out, rmse
 from qlvbayes.diagnosis.result import CellError
 from qlvbayes.diagnosis.searchsetup import as_chosen, build_search
 from qlvbayes.effects.effect import AbstractEffect
@@ -28,7 +28,7 @@ from qlvbayes.inference.density import Density, Point
 from qlvbayes.inference.forward.hypothesis import Amplitude, Hypothesis, Parameters
 from qlvbayes.inference.forward.space import Space
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.starts import amplitude_of, projected, shapes, transferred
+from qlvbayes.inference.starts import projected, shapes, transferred
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, NoFiniteForceError
 from qlvbayes.model.choices import Choices
@@ -174,7 +174,7 @@ class Bench:
         point = self._point(model)
         start = nothing_added(own, self.space)
         start[own.positions_of(point.own)] = point.theta
-        if amplitude_of(own, effect) is None:
+        if effect not in own.amplitude_of:
             return self._least(more, [start])
         added = added_effect(self.density, point, more.hypothesis, effect)
         return self._least(more, [start] if added is None else [added.moved, added.after])
@@ -228,8 +228,7 @@ class Bench:
         """
         point = self._point(model)
         residuals = []
-        for blocks, test, rows in self.samples.left_out():
-            others = self.density.without(blocks)
+        for others, test, rows in leave_out(self.density, self.samples):
             mode = find_mode(others, model.hypothesis, point.theta)
             refitted = mode.point if mode is not None else point
             predicted = self._forces(others, model.hypothesis, refitted.constants)[test]
@@ -317,7 +316,7 @@ def added_effect(
     """
     space = density.space
     own = space.parameters(hypothesis)
-    amplitude = amplitude_of(own, effect)
+    amplitude = own.amplitude_of.get(effect)
     if amplitude is None:
         return None
     starts = shapes(space, point, own, effect)
@@ -333,8 +332,8 @@ def _scaled(
     prior = point.prior.curvature
     size, shift, cost = amplitude.sd, np.zeros(point.own.size), np.inf
     for _ in range(_ROUNDS):
-        added = density.space.added_force(own.hypothesis, start, index, size)
-        force = density.whitener(added[None])[0]
+        added = density.space.added_forces(own.hypothesis, start[None], index, size)
+        force = density.whitener(added)[0]
         square = float(force @ force)
         if not (np.isfinite(square) and square > 0.0):
             return None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qlvbayes.inference.forward.hypothesis import Hypothesis, Leaf, Parameters
-from qlvbayes.inference.forward.space import Space, median
+from qlvbayes.inference.forward.space import Space
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.checks import InputError, check_known
 from qlvbayes.io.units import UnitSystem
@@ -109,7 +109,7 @@ def values_of(own: Parameters, constants: Array) -> dict[str, float]:
 
 def nothing_added(own: Parameters, space: Space) -> Array:
     """Return (F,) free parameters at their priors' medians, every effect's amplitude at zero."""
-    theta = median(space.prior_draws(own.hypothesis))
+    theta = np.median(space.prior_draws(own.hypothesis), axis=0)
     for effect, amplitude in own.amplitude_of.items():
         theta[amplitude.number] = next(iter(space.effects[effect].null.values()))
     return np.asarray(own.within(theta))

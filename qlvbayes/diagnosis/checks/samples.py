@@ -7,7 +7,7 @@ of the discrepancy. Where there is only one test, its phases are left out, one a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -31,19 +31,14 @@ from qlvbayes.motion.record import Record, batch
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of every test, at most 300 in a phase, and the records that predict them."""
+    """Samples of every test, at most 300 in a phase, and the record that predicts them."""
 
     experiment: Experiment
-    space: Space  # laws and effects, whose compiled functions predict the forces
+    space: Space  # laws and effects, which predict the forces
     rows: tuple[NDArray[np.intp], ...]  # indices of the samples of each test
     # sd of each sample's white noise over the floor's; 1 where the file gives no sd
     weights: tuple[Array, ...]
-    # records of some samples of every test each. They have the shape of the space's own record, so
-    # that nothing has to be compiled anew.
-    parts: tuple[Record, ...]
-    # for each part, which of the samples of each test it holds
-    indices: tuple[tuple[NDArray[np.intp], ...], ...]
-
+    record: Record  # of all tests, each sample a block
     contacts: Contacts  # the measured contacts of the tests
 
     @classmethod
@@ -51,25 +46,20 @@ class Samples:
         cls, experiment: Experiment, space: Space, model: Model | None = None
     ) -> Samples:
         """Return the samples of all tests; errors of contacts move the force as that of a model."""
-        contacts = Contacts.from_trials(experiment.trials, experiment.trials)
-        rows = tuple(representative_rows(trial) for trial in experiment.trials)
+        trials = experiment.trials
+        rows = tuple(representative_rows(trial) for trial in trials)
+        pairs = list(zip(trials, rows, strict=True))
         weights = tuple(
             np.ones(own.size)
             if trial.test.force_sd is None
             else trial.test.force_sd[own] / experiment.sd_scale
-            for trial, own in zip(experiment.trials, rows, strict=True)
+            for trial, own in pairs
         )
-        own = space.record
-        size = own.blocks.force.shape[-1]
-        while True:
-            indices = _split(rows, size)
-            parts = tuple(_part(experiment, rows, some, own) for some in indices)
-            same = all(p.motion.time.shape == own.motion.time.shape for p in parts)
-            if same or size <= own.blocks.force.shape[-1] // 4:
-                if model is not None:
-                    parts = tuple(with_zero_errors(one, experiment.trials, model) for one in parts)
-                return cls(experiment, space, rows, weights, parts, indices, contacts)
-            size //= 2
+        record = batch([experiment.reduced(trial, own) for trial, own in pairs])
+        if model is not None:
+            record = with_zero_errors(record, trials, model)
+        contacts = Contacts.from_trials(trials, trials)
+        return cls(experiment, space, rows, weights, record, contacts)
 
     @property
     def trials(self) -> tuple[Trial, ...]:
@@ -78,30 +68,11 @@ class Samples:
 
     def predict(self, hypothesis: Hypothesis, constants: Array) -> list[Array]:
         """Return the force (K, n) in N at each test's samples for constants (K, P)."""
-        predicted = [np.zeros((len(constants), own.size)) for own in self.rows]
-        for record, indices in zip(self.parts, self.indices, strict=True):
-            forces = self.space.forces(hypothesis, constants, record)
-            for k, some in enumerate(indices):
-                predicted[k][:, some] = forces[:, k, : some.size]
-        return predicted
+        return self._of_tests(self.space.forces(hypothesis, constants, self.record))
 
-    def left_out(self) -> Iterator[tuple[Mask, int, Mask]]:
-        """Yield the parts that are left out in turn: each test, or each phase of a single test."""
-        real = self.space.real
-        if len(self.trials) > 1:
-            tests = np.broadcast_to(np.arange(len(real))[:, None], real.shape)[real]
-            for k, rows in enumerate(self.rows):
-                yield tests == k, k, np.ones(rows.size, dtype=bool)
-            return
-        (trial,) = self.trials
-        blocks = self.space.record.blocks
-        middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[0, real[0]]
-        of_blocks = phase_index(trial.phases, middle)
-        of_samples = phase_index(trial.phases, trial.test.time[self.rows[0]])
-        for k in range(len(trial.phases)):
-            out, rows = of_blocks == k, of_samples == k
-            if rows.any() and out.any() and not out.all():
-                yield out, 0, rows
+    def _of_tests(self, values: Array) -> list[Array]:
+        """Return values (..., T, B) of blocks as those (..., n) of each test's samples."""
+        return [values[..., k, : own.size] for k, own in enumerate(self.rows)]
 
     @property
     def observed(self) -> list[Array]:
@@ -126,17 +97,12 @@ class Samples:
 
         .. math:: \hat e = U C^{-1} r.
         """
-        moved = [np.zeros(own.size) for own in self.rows]
         changes = self.contacts.changes(density.space.record.blocks)
         if not np.any(changes):  # no contact was measured
-            return moved
+            return [np.zeros(own.size) for own in self.rows]
         vectors = np.concatenate([residual[None], density.whitener(changes)])
         errors = discrepancy.products(vectors)[:1, 1:]
-        for record, indices in zip(self.parts, self.indices, strict=True):
-            change = self.contacts.moved(record, errors)[0][0]
-            for k, some in enumerate(indices):
-                moved[k][some] = change[k, : some.size]
-        return moved
+        return self._of_tests(self.contacts.moved(self.record, errors)[0][0])
 
     def residuals(self, density: Density, mode: Mode) -> list[Array]:
         """Return measured minus predicted force (n,) of each test (N) at a mode."""
@@ -153,10 +119,7 @@ class Samples:
 
     def of_blocks(self, k: int, name: str) -> Array:
         """Return a quantity (n,) of `Blocks` at the samples of test k, each its own block."""
-        values = np.zeros(self.rows[k].size)
-        for record, indices in zip(self.parts, self.indices, strict=True):
-            values[indices[k]] = np.asarray(getattr(record.blocks, name))[k, : indices[k].size]
-        return values
+        return self._of_tests(np.asarray(getattr(self.record.blocks, name)))[k]
 
     def floor(self, k: int) -> Array:
         """Return the sd (n,) of the noise at rest of the samples of test k (N)."""
@@ -182,7 +145,21 @@ class HeldOut(NamedTuple):
 
 def leave_out(density: Density, samples: Samples) -> list[HeldOutPart]:
     """Return each test as a part to be left out, or each phase where there is only one test."""
-    return [HeldOutPart(density.without(out), k, rows) for out, k, rows in samples.left_out()]
+    if len(samples.trials) > 1:
+        return [
+            HeldOutPart(density.without(density.whitener.tests == k), k, np.ones(own.size, bool))
+            for k, own in enumerate(samples.rows)
+        ]
+    (trial,), blocks, real = samples.trials, samples.space.record.blocks, samples.space.real
+    middle = 0.5 * (np.asarray(blocks.first) + np.asarray(blocks.last))[0, real[0]]
+    of_blocks = phase_index(trial.phases, middle)
+    of_samples = phase_index(trial.phases, trial.test.time[samples.rows[0]])
+    parts = [(of_blocks == k, of_samples == k) for k in range(len(trial.phases))]
+    return [
+        HeldOutPart(density.without(out), 0, rows)
+        for out, rows in parts
+        if rows.any() and out.any() and not out.all()
+    ]
 
 
 def predicted(samples: Samples, parts: Sequence[HeldOutPart], mode: Mode) -> list[HeldOut]:
@@ -204,28 +181,6 @@ def error(parts: Sequence[HeldOut]) -> float:
     if not parts:
         return math.nan
     return rmse([one.residual for one in parts], [one.sds for one in parts])
-
-
-def _split(rows: Sequence[NDArray[np.intp]], size: int) -> tuple[tuple[NDArray[np.intp], ...], ...]:
-    """Return for each part the indices of its samples of every test, ``size`` at most."""
-    count = max(-(-own.size // size) for own in rows)
-    return tuple(
-        tuple(np.arange(own.size)[k * size : (k + 1) * size] for own in rows) for k in range(count)
-    )
-
-
-def _part(
-    experiment: Experiment,
-    rows: Sequence[NDArray[np.intp]],
-    indices: Sequence[NDArray[np.intp]],
-    like: Record,
-) -> Record:
-    """Return the record of one part; a test with no samples in it is filled with its first two."""
-    records = [
-        experiment.reduced(trial, own[some] if some.size else own[:2])
-        for trial, own, some in zip(experiment.trials, rows, indices, strict=True)
-    ]
-    return batch(records, like)
 
 
 def cell_errors(samples: Samples, residuals: list[Array]) -> list[CellError]:

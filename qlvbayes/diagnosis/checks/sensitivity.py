@@ -12,7 +12,7 @@ from qlvbayes.diagnosis.candidate import Candidate
 from qlvbayes.diagnosis.result import Excluded, ParameterBias
 from qlvbayes.diagnosis.search import Search
 from qlvbayes.effects.effect import AbstractEffect, Protocol
-from qlvbayes.inference.starts import amplitude_of, shapes
+from qlvbayes.inference.starts import shapes
 from qlvbayes.io.arrays import Array
 
 SEEN = 10.0
@@ -49,13 +49,13 @@ def responses(search: Search, baseline: Candidate) -> list[Response]:
         if name in baseline.hypothesis.effects:
             continue
         own = density.space.parameters(baseline.hypothesis.plus(name))
-        amplitude = amplitude_of(own, name)
+        amplitude = own.amplitude_of.get(name)
         if amplitude is None:
             continue
         constant, size, some = own.names[amplitude.constant], amplitude.sd, []
-        for start in shapes(density.space, point, own, name):
-            force = density.space.added_force(own.hypothesis, start, amplitude.number, size)
-            change = np.nan_to_num(density.whitener(force[None])[0])
+        starts = np.stack(shapes(density.space, point, own, name))
+        added = density.space.added_forces(own.hypothesis, starts, amplitude.number, size)
+        for change in np.nan_to_num(density.whitener(added)):
             shift = np.linalg.solve(curvature, jacobian @ change)
             total = float(change @ change)
             information = max(float(change @ change - (jacobian @ change) @ shift), 0.0)

@@ -22,7 +22,7 @@ from qlvbayes.diagnosis.result import Decisive, Ranked, Strength, Strengths, Sup
 from qlvbayes.diagnosis.settings import Imitation
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.scatter import Scatter, by_test, likeliest
-from qlvbayes.inference.starts import amplitude_of, without
+from qlvbayes.inference.starts import without
 from qlvbayes.io.arrays import Array, finite_or_none
 from qlvbayes.motion.experiment import Trial
 from qlvbayes.motion.phases import NAMES, phase_index
@@ -185,7 +185,7 @@ def agreement(squares: Array, deviations: Array) -> float:
 def _without_own_scatter(candidate: Candidate, effect: str) -> Scatter:
     """Return the scatter of a candidate without that of one of its effects."""
     own, scatter = candidate.point.own, candidate.point.separation.scatter
-    amplitude = amplitude_of(own, effect)
+    amplitude = own.amplitude_of.get(effect)
     if amplitude is None or not scatter.sizes:
         return scatter
     sizes = list(scatter.sizes)

@@ -25,7 +25,7 @@ import numpy as np
 
 from qlvbayes.inference.density import Density
 from qlvbayes.inference.modes import Mode
-from qlvbayes.inference.starts import added_forces, amplitude_of, over_shapes, transferred
+from qlvbayes.inference.starts import over_shapes, transferred
 from qlvbayes.io.arrays import Array
 
 _SAME = 0.9999  # cosine of two columns from which they are one: off the pad nothing was measured
@@ -278,15 +278,13 @@ def _columns(
     """
     space = density.space
     parameters = space.parameters(base.point.own.hypothesis.plus(name))
-    amplitude = amplitude_of(parameters, name)
-    assert amplitude is not None
+    amplitude = parameters.amplitude_of[name]
     theta = transferred(base.point.own, base.point.theta, parameters)
     none = np.stack(over_shapes(space, parameters, name, theta, shapes))
-    some = none.copy()
-    some[:, amplitude.number] += amplitude.sd
     leaves = [leaf for key, leaf in parameters.by_name.items() if key.startswith(f"{name}.")]
     own = [k for leaf in leaves if leaf.theta.start != amplitude.number for k in leaf.theta]
-    forces = np.where(space.real, added_forces(space, parameters, none, some), 0.0)
+    forces = space.added_forces(parameters.hypothesis, none, amplitude.number, amplitude.sd)
+    forces = np.where(space.real, forces, 0.0)
     for start, force in zip(none, forces, strict=True):
         if np.isfinite(force).all() and np.any(force):
             yield start[own], amplitude.sd, force

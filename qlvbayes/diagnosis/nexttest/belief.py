@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import permutations
 
 import jax
 import numpy as np
@@ -246,11 +247,6 @@ class Products:
         blocks = [self.values[:, self._slopes(k), self._slopes(k)] for k in range(count)]
         return [np.eye(block.shape[1]) + block for block in blocks]
 
-    @cached_property
-    def _volumes(self) -> list[Array]:
-        """Log det M (T,)."""
-        return [np.linalg.slogdet(M)[1] for M in self.precisions]
-
     def bits_for(self, k: int, directions: Array) -> Array:
         """Return the bits (T,) about directions, unit rows (r, F), of explanation k's z."""
         left = directions @ np.linalg.solve(self.precisions[k], directions.T)
@@ -276,37 +272,36 @@ class Products:
         rows = np.concatenate([apart, unit[self._slopes(j)], unit[self._slopes(i)]])
         return np.asarray(rows @ self.values @ rows.T)
 
-    def bhattacharyya(self, i: int, j: int) -> Array:
-        """Return the Bhattacharyya distance (T,) of the predictions of two explanations."""
-        apart, volume = _distance(self._between(i, j), 0.5)
-        more = volume - 0.5 * (self._volumes[i] + self._volumes[j])
-        return 0.125 * apart + 0.5 * np.maximum(more, 0.0)
-
-    def kullback(self, i: int, j: int) -> Array:
-        """Return the Kullback-Leibler divergence D_ij (T,)."""
-        every, own = self._between(i, j), 1 + self.belief.explanations[j].size
-        apart, volume = _distance(every[:, :own, :own], 1.0)
-        jj, ij, ii = every[:, 1:own, 1:own], every[:, own:, 1:own], every[:, own:, own:]
-        solved = np.linalg.solve(self.precisions[j], jj + np.swapaxes(ij, 1, 2) @ ij)
-        trace = np.einsum("tff->t", ii) - np.einsum("tff->t", solved)
-        return 0.5 * np.maximum(trace + apart + volume - self._volumes[i], 0.0)
+    @cached_property
+    def distances(self) -> tuple[Array, Array]:
+        """Bhattacharyya distances and Kullback-Leibler divergences (H, H, T) of explanations."""
+        some = self.belief.explanations
+        near, far = np.zeros((2, len(some), len(some), len(self.values)))
+        volumes = [np.linalg.slogdet(M)[1] for M in self.precisions]
+        for i, j in permutations(range(len(some)), 2):
+            every, own = self._between(i, j), 1 + some[j].size
+            apart, volume = _distance(every, 0.5)
+            more = volume - 0.5 * (volumes[i] + volumes[j])
+            near[i, j] = 0.125 * apart + 0.5 * np.maximum(more, 0.0)
+            apart, volume = _distance(every[:, :own, :own], 1.0)
+            jj, ij, ii = every[:, 1:own, 1:own], every[:, own:, 1:own], every[:, own:, own:]
+            solved = np.linalg.solve(self.precisions[j], jj + np.swapaxes(ij, 1, 2) @ ij)
+            trace = np.einsum("tff->t", ii) - np.einsum("tff->t", solved)
+            far[i, j] = 0.5 * np.maximum(trace + apart + volume - volumes[i], 0.0)
+        return near, far
 
     def bits_for_cause(self) -> tuple[Array, Array]:
         """Return bounds (T,) from below and above of the bits about which cause is right."""
         weights, p = self.belief.shares, np.array(list(self.belief.causes.values()))
-        near = _grouped(np.sqrt(weights), np.exp(-self._pairs(self.bhattacharyya)))
-        far = np.exp(-_grouped(weights, self._pairs(self.kullback)))
+        near, far = self.distances
+        near = np.minimum(_grouped(np.sqrt(weights), np.exp(-near)), 1.0)
+        far = np.exp(-_grouped(weights, far))
         bounds = []
-        for factor in (np.minimum(near, 1.0), far):
+        for factor in (near, far):
             factor[:, range(len(p)), range(len(p))] = 1.0
             bits = -np.log2(factor @ p) @ p
             bounds.append(np.clip(bits, 0.0, max(self.belief.entropy, 0.0)))
         return bounds[0], bounds[1]
-
-    def _pairs(self, distance: Callable[[int, int], Array]) -> Array:
-        """Return a distance (H, H, T) between all explanations."""
-        zero, count = np.zeros(len(self.values)), range(len(self.belief.explanations))
-        return np.array([[zero if i == j else distance(i, j) for j in count] for i in count])
 
     def evidence(self) -> Array:
         """Return the least expected 2 ln(Bayes factor) (T,) of two causes' explanations."""
@@ -314,7 +309,7 @@ class Products:
         pairs = [(i, j) for i, a in enumerate(causes) for j, b in enumerate(causes) if a != b]
         if not pairs:
             return np.zeros(len(self.values))
-        return np.asarray(2.0 * np.min([self.kullback(i, j) for i, j in pairs], axis=0))
+        return np.asarray(2.0 * np.min([self.distances[1][pair] for pair in pairs], axis=0))
 
 
 def _grouped(weights: Array, values: Array) -> Array:

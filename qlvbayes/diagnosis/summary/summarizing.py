@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from qlvbayes.diagnosis.checks.outcome import REPORTED, SearchOutcome
 from qlvbayes.diagnosis.checks.sensitivity import parameter_biases, responses, unmeasured, unseen
 from qlvbayes.diagnosis.checks.support import supported, with_support
 from qlvbayes.diagnosis.decision import Decision, decide_with_support
-from qlvbayes.diagnosis.description.describe import NOTHING, Described, describe
+from qlvbayes.diagnosis.description.describe import NOTHING, describe
 from qlvbayes.diagnosis.nexttest.planning import suggest
 from qlvbayes.diagnosis.result import (
     Base,
@@ -30,7 +29,7 @@ from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.diagnosis.summary.diagnosis import Diagnosis, DiagnosisWork
 from qlvbayes.effects.catalogue import by_family
 from qlvbayes.effects.contacts import ContactOffset
-from qlvbayes.effects.effect import AbstractEffect, Protocol
+from qlvbayes.effects.effect import AbstractEffect
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.wording import joined, percent, plain
 from qlvbayes.laws.relaxation.law import unresolved_times
@@ -66,23 +65,44 @@ def summarize(
     selected = outcome.candidates[decision.selected]
     path = _path(search, selected)
     report("what these tests cannot show")
-    fields = {
-        **_decided(outcome, decision, selected),
-        "ranking": ranking,
-        **_left(outcome, selected, path),
-        **_not_shown(outcome, kinds, protocol),
-    }
-    known = (*choices.effects, *decision.tried)
-    pulls = pull_notices(experiment, bonded=choices.bonded, effects=known)
+    forms = search.families.forms_in(selected.hypothesis.effects)
+    unexplained = decision.verdict is Verdict.UNEXPLAINED
+    stages = tuple(map(outcome.stage, path))
+    worst = stages[0].worst
+    baseline, chosen = outcome.baseline, search.baseline.effects
+    added, candidates = responses(search, baseline), [x for x in kinds if x.name not in chosen]
+    law, space = NOTHING, search.density.space
+    left = outcome.remainder(selected).record
     # after all figures, which may find forces not finite
-    notices = (*experiment.notices, *pulls, *_notices(outcome, decision, selected))
-    law = _law(outcome, decision, selected, protocol, report)
-    space = search.density.space
+    notices = _notices(outcome, decision, selected, (*choices.effects, *decision.tried))
+    if decision.verdict.has_unmodelled and settings.description.fitted:
+        named = {forms[name] for name in decision.effects if name in forms}
+        law = describe(outcome, chosen | named, protocol, report)
     result = DiagnosisResult(
         pad=experiment.pad,
         units=experiment.units,
         noise=experiment.floor.total,
-        **fields,
+        verdict=decision.verdict,
+        effects=decision.tried,
+        group=decision.group,
+        refused=tuple(Excluded(name, why) for name, why in decision.refused.items()),
+        forms={one: forms[one] for one in decision.tried if forms.get(one, one) != one},
+        base=Base(*selected.hypothesis.base, decision.base[selected.hypothesis.base]),
+        bases=tuple(Base(*laws, p) for laws, p in decision.base.items() if p >= REPORTED),
+        outside=decision.unmodelled,
+        alternatives=outcome.alternatives(),
+        not_ruled_out=() if unexplained else outcome.sets(),
+        constants=outcome.constants(selected),
+        suggestions=_suggestions(outcome, decision),
+        stages=stages,
+        ranking=ranking,
+        not_identifiable=(*unseen(added, search, protocol), *unmeasured(candidates, protocol)),
+        biases=tuple(parameter_biases(added, baseline)),
+        discrepancy=selected.mode.size,
+        scatter=selected.scatter,
+        tolerance=settings.tolerance,
+        remainder=left,
+        worst=Worst(worst.test, worst.phase, worst.rmse, worst.bias),
         notices=notices,
         direct_evidence=shown,
         description=law.record,
@@ -96,68 +116,6 @@ def summarize(
         ),
     )
     return Diagnosis(result, DiagnosisWork(experiment, search, outcome.samples, path, law))
-
-
-def _law(
-    outcome: SearchOutcome,
-    decision: Decision,
-    selected: Candidate,
-    protocol: Protocol,
-    report: Report,
-) -> Described:
-    """Return the law that describes what is left beside the named effects, where that matters."""
-    search = outcome.search
-    if not decision.verdict.has_unmodelled or not search.settings.description.fitted:
-        return NOTHING
-    forms = search.families.forms_in(selected.hypothesis.effects)
-    named = {forms[name] for name in decision.effects if name in forms}
-    return describe(outcome, search.baseline.effects | named, protocol, report)
-
-
-def _decided(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> dict[str, Any]:
-    """Return the fields that say what is missing, and with which laws and constants."""
-    own, shares = selected.hypothesis.base, decision.base
-    forms = outcome.search.families.forms_in(selected.hypothesis.effects)
-    unexplained = decision.verdict is Verdict.UNEXPLAINED
-    return {
-        "verdict": decision.verdict,
-        "effects": decision.tried,
-        "group": decision.group,
-        "refused": tuple(Excluded(name, why) for name, why in decision.refused.items()),
-        "forms": {one: forms[one] for one in decision.tried if forms.get(one, one) != one},
-        "base": Base(*own, shares[own]),
-        "bases": tuple(Base(*laws, p) for laws, p in shares.items() if p >= REPORTED),
-        "outside": decision.unmodelled,
-        "alternatives": outcome.alternatives(),
-        "not_ruled_out": () if unexplained else outcome.sets(),
-        "constants": outcome.constants(selected),
-        "suggestions": _suggestions(outcome, decision),
-    }
-
-
-def _left(outcome: SearchOutcome, selected: Candidate, path: Sequence[Candidate]) -> dict[str, Any]:
-    """Return the fields on the errors: of each step, and what the selected hypothesis leaves."""
-    stages = tuple(outcome.stage(one) for one in path)
-    worst = stages[0].worst
-    return {
-        "stages": stages,
-        "discrepancy": selected.mode.size,
-        "scatter": selected.scatter,
-        "tolerance": outcome.search.settings.tolerance,
-        "remainder": outcome.remainder(selected).record,
-        "worst": Worst(worst.test, worst.phase, worst.rmse, worst.bias),
-    }
-
-
-def _not_shown(
-    outcome: SearchOutcome, kinds: Sequence[type[AbstractEffect]], protocol: Protocol
-) -> dict[str, Any]:
-    """Return the fields on effects that the tests cannot show, and on what those would bias."""
-    search, baseline = outcome.search, outcome.baseline
-    added = responses(search, baseline)
-    candidates = [kind for kind in kinds if kind.name not in search.baseline.effects]
-    hidden = (*unseen(added, search, protocol), *unmeasured(candidates, protocol))
-    return {"not_identifiable": hidden, "biases": tuple(parameter_biases(added, baseline))}
 
 
 def _path(search: Search, selected: Candidate) -> tuple[Candidate, ...]:
@@ -188,15 +146,42 @@ def _suggestions(outcome: SearchOutcome, decision: Decision) -> tuple[Suggestion
     return tuple(suggest(outcome.experiment, points)) if len(points) > 1 else ()
 
 
-def _notices(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
-    """Return every notice of a diagnosis."""
-    pad = f"pad {outcome.experiment.pad}: "
+def _notices(
+    outcome: SearchOutcome, decision: Decision, selected: Candidate, known: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Return every notice of a diagnosis; known: effects of the model, which need none."""
+    experiment, search = outcome.experiment, outcome.search
+    space, model = search.density.space, selected.point.own.model_at(selected.point.constants)
+
+    def predict(record: Record) -> Array:
+        return space.forces(selected.hypothesis, selected.point.constants[None], record)[0]
+
+    every, named_offset = len(outcome.weights), ContactOffset.name in decision.tried
+    not_counted = [
+        (outcome.without_evidence, "left out of the decision: their evidence is not a finite"
+         " number"),
+        (len(outcome.unpredicted), "predict no finite force at some samples, which counts as zero"
+         " force"),
+    ]  # fmt: skip
+    early = (
+        f"the search ended after {len(search.modes)} hypotheses, because very many fit alike: "
+        "probabilities are those among these hypotheses"
+    )
+    of_tests = (
+        *experiment.floor.notices,
+        *unresolved_times(model.relaxation, experiment.scales),
+        *([early] if search.ended_early else ()),
+    )
+    pad = f"pad {experiment.pad}: "
     return (
+        *experiment.notices,
+        *pull_notices(experiment, bonded=space.bonded, effects=known),
         *(pad + text for text in unlikely_over_all(outcome, decision)),
         *(pad + text for text in _alike(outcome, decision)),
-        *_of_contact(outcome, decision, selected),
-        *(pad + text for text in _not_counted(outcome)),
-        *_of_tests(outcome.experiment, outcome.search, selected),
+        *(contact_notices(experiment, outcome.estimates(selected)) if named_offset else ()),
+        *(f"{pad}{n} of {every} hypotheses {what}" for n, what in not_counted if n),
+        *carryover_notices(experiment, experiment.trials, space.record, predict),
+        *(pad + text for text in of_tests),
     )
 
 
@@ -222,47 +207,6 @@ def _alike(outcome: SearchOutcome, decision: Decision) -> list[str]:
         "or whether the specimen yielded, depends on the elastic law. Press a fresh specimen in "
         "steps to growing depths, back after each"
     ]
-
-
-def _not_counted(outcome: SearchOutcome) -> list[str]:
-    """Return notices on hypotheses whose evidence or predictions are not finite."""
-    every, notices = f"of {len(outcome.weights)} hypotheses", []
-    if count := outcome.without_evidence:
-        notices.append(
-            f"{count} {every} left out of the decision: their evidence is not a finite number"
-        )
-    if count := len(outcome.unpredicted):
-        notices.append(
-            f"{count} {every} predict no finite force at some samples, which counts as zero force"
-        )
-    return notices
-
-
-def _of_tests(experiment: Experiment, search: Search, selected: Candidate) -> tuple[str, ...]:
-    """Return notices on the tests by the selected hypothesis, and on an early end of the search."""
-    space = search.density.space
-    constants = selected.point.constants
-
-    def predict(record: Record) -> Array:
-        return space.forces(selected.hypothesis, constants[None], record)[0]
-
-    carryover = carryover_notices(experiment, experiment.trials, space.record, predict)
-    model = selected.point.own.model_at(constants)
-    times = unresolved_times(model.relaxation, experiment.scales)
-    notices = [f"pad {experiment.pad}: {text}" for text in (*experiment.floor.notices, *times)]
-    if search.ended_early:
-        notices.append(
-            f"pad {experiment.pad}: the search ended after {len(search.modes)} hypotheses, because "
-            "very many fit alike: probabilities are those among these hypotheses"
-        )
-    return (*carryover, *notices)
-
-
-def _of_contact(outcome: SearchOutcome, decision: Decision, selected: Candidate) -> tuple[str, ...]:
-    """Return a sentence where a named contact offset and the measured contact contradict."""
-    if ContactOffset.name not in decision.tried:
-        return ()
-    return contact_notices(outcome.experiment, outcome.estimates(selected))
 
 
 def contact_error(experiment: Experiment) -> float | None:

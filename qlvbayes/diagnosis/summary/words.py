@@ -7,7 +7,7 @@ import math
 from qlvbayes.diagnosis.candidate import STIFFNESS
 from qlvbayes.diagnosis.certainty import calibration
 from qlvbayes.diagnosis.phrases import paragraph_lead, parts, varying
-from qlvbayes.diagnosis.result import DiagnosisResult, ParameterBias, Verdict
+from qlvbayes.diagnosis.result import DiagnosisResult, Verdict
 from qlvbayes.diagnosis.summary.grounds import (
     Work,
     force_words,
@@ -265,25 +265,21 @@ def _unseen(d: DiagnosisResult) -> list[str]:
 
 
 def _biases(d: DiagnosisResult, work: Work) -> list[str]:
-    """Return the effects that would hide in the constants without being seen."""
+    """Return what effects that would hide in the constants would do to them unseen."""
     effects = work.search.density.space.effects
     hidden = [bias for bias in d.biases if not bias.visible and bias.effect not in d.tried]
     text = []
     for bias in hidden[:_MOST_BIASES]:
         constant = bias.amplitude.partition(".")[2]
         unit = d.units.of(effects[bias.effect].units[constant.partition("[")[0]])
-        text.append(_bias(bias, constant, "" if unit == "1" else f" {unit}"))
+        size = plain(bias.size, 2) + ("" if unit == "1" else f" {unit}")
+        (first, change), *others = sorted(bias.changes.items(), key=lambda item: -abs(item[1]))[:2]
+        off = [f"{first} would be {_off(change)}", *(f"{n} {_off(x)}" for n, x in others)]
+        text.append(
+            f"If {bias.effect} were there ({constant} = {size}), {joined(off)}, "
+            "and these tests would not show it."
+        )
     return text
-
-
-def _bias(bias: ParameterBias, constant: str, unit: str) -> str:
-    """Return what an effect of a given size would do to the constants unseen."""
-    (first, change), *others = sorted(bias.changes.items(), key=lambda item: -abs(item[1]))[:2]
-    changes = joined([f"{first} would be {_off(change)}", *(f"{n} {_off(x)}" for n, x in others)])
-    return (
-        f"If {bias.effect} were there ({constant} = {plain(bias.size, 2)}{unit}), {changes}, "
-        "and these tests would not show it."
-    )
 
 
 def _off(change: float) -> str:

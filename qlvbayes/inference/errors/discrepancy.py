@@ -137,36 +137,21 @@ class Discrepancy:
 
     def at(self, size: float, separation: Separation | None = None) -> DiscrepancyOfSize:
         """Return the discrepancy at a size (N), separated if a separation is given."""
-        whole = self._at(size)
-        return whole if separation is None else separation.at(whole)
-
-    def _at(self, size: float) -> DiscrepancyOfSize:
-        """Return the discrepancy at a size (N), not separated."""
-        known = self._by_size.get(size)
-        if known is None:
-            known = self._computed(size)
+        whole = self._by_size.get(size)
+        if whole is None:
+            variances = 1.0 + self.rough * size**2 * self.whitener.precisions
+            root = variances**-0.5
+            scaled = size * self.shapes * root if size > 0.0 else np.zeros((0, root.size))
+            factor = np.linalg.cholesky(np.eye(len(scaled)) + scaled @ scaled.T)
+            volume = np.log(variances).sum() + 2.0 * np.log(np.diag(factor)).sum()
+            axes = solve_triangular(factor, scaled, lower=True, check_finite=False)
+            whole = DiscrepancyOfSize.whole(size, root, axes, float(volume))
             # a size off the grid is one mode's own: to keep it would take a megabyte a mode
             if size in self.sizes:
-                self._by_size[size] = known
+                self._by_size[size] = whole
                 if self.kept is not None and len(self._by_size) > self.kept:
                     self._by_size.pop(next(iter(self._by_size)))
-        return known
-
-    def _computed(self, size: float) -> DiscrepancyOfSize:
-        """Return the discrepancy at a size (N) that is not cached."""
-        variances = 1.0 + self.rough * size**2 * self.whitener.precisions
-        root = variances**-0.5
-        scaled = size * self.shapes * root if size > 0.0 else np.zeros((0, root.size))
-        factor = np.linalg.cholesky(np.eye(len(scaled)) + scaled @ scaled.T)
-        volume = np.log(variances).sum() + 2.0 * np.log(np.diag(factor)).sum()
-        axes = solve_triangular(factor, scaled, lower=True, check_finite=False)
-        return DiscrepancyOfSize(size, root, axes, float(volume))
-
-    def loss(self, residual: Array, index: int, separation: Separation | None = None) -> float:
-        """Return minus the log posterior of size ``index``, given a whitened residual (n,)."""
-        discrepancy = self.at(float(self.sizes[index]), separation)
-        loss = 0.5 * (float(discrepancy.squares(residual[None])[0]) + discrepancy.log_volume)
-        return loss - float(self.log_prior[index])
+        return whole if separation is None else separation.at(whole)
 
     def log_likelihoods(
         self,
@@ -190,7 +175,11 @@ class Discrepancy:
         self, residual: Array, guess: float = 0.0, separation: Separation | None = None
     ) -> float:
         """Return the size (N) of highest density given a whitened residual (n,), as `likeliest`."""
-        return self._descended(guess, lambda k: (self.loss(residual, k, separation), NONE))[0]
+
+        def loss(k: int) -> tuple[float, Scatter]:
+            return -float(self.log_likelihoods(residual[None], separation, [k])[0, k]), NONE
+
+        return self._descended(guess, loss)[0]
 
     def likeliest(
         self, residual: Array, guess: float, separation: Separation
@@ -216,29 +205,26 @@ class Discrepancy:
     ) -> tuple[float, Scatter]:
         """Return the size (N) of the lowest loss, and the scatter with it."""
         count = self.sizes.size
-        at_zero = loss_at(0)
+        at_zero = 0.0, *loss_at(0)
         if count == 1:
-            return 0.0, at_zero[1]
+            return 0.0, at_zero[2]
         index = int(np.argmin(np.abs(self.sizes - guess))) if guess > 0.0 else count // 3
-        lowest = loss_at(index)
+        lowest, scatter = loss_at(index)
         for step in (1, -1):
             first = index
-            while 0 < index + step < count:
-                loss = loss_at(index + step)
-                if loss[0] >= lowest[0]:
-                    break
-                index, lowest = index + step, loss
+            while 0 < index + step < count and (found := loss_at(index + step))[0] < lowest:
+                index, (lowest, scatter) = index + step, found
             if index != first:
                 break
-        return (
-            (0.0, at_zero[1]) if at_zero[0] <= lowest[0] else (self.sizes[index].item(), lowest[1])
-        )
+        above = self.sizes[index].item(), lowest, scatter
+        size, _, scatter = min(at_zero, above, key=lambda one: one[1])
+        return size, scatter
 
     def weights(
         self, residual: Array, size: float, count: int | None = None
     ) -> tuple[Array, Array]:
         """Return mean and covariance root of the features' coefficients w at a size (N) above 0."""
-        discrepancy = self._at(size)
+        discrepancy = self.at(size)
         shapes = self.shapes[:count] * discrepancy.root
         precision = shapes @ shapes.T + np.eye(len(shapes)) / size**2
         mean = np.linalg.solve(precision, shapes @ (residual * discrepancy.root).T).T

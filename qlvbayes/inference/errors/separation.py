@@ -34,9 +34,8 @@ tests (`scatter`) adds further rows V to U, and -1 to the diagonal of S:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +47,6 @@ from qlvbayes.io.arrays import Array
 _SMALLEST = 1e-8
 """Singular values of the scaled Jacobian below this share of the largest are rounding."""
 
-_OF_SLOPES = ("slopes", "rows", "_parts", "scaled_rows", "separated_rows")
-"""What is computed once, and does not depend on the errors of the force;"""
-_CACHED = (*_OF_SLOPES, "_whitened_errors")
-"""and all of it, which does not depend on the scatter."""
-
 
 @dataclass(frozen=True, eq=False)
 class DiscrepancyOfSize:
@@ -60,21 +54,28 @@ class DiscrepancyOfSize:
 
     The matrices act on whitened block means. C^-1 = root (1 - axes^T axes) root, with root (n,):
     D^(-1/2), and axes (M, n). log_volume: ln of the determinant. separating: scaled U (U, n), its
-    components along the axes (U, M), and M^-1 (U, U); None where C_P is C.
+    components along the axes (U, M), and M^-1 (U, U), none of which has rows where C_P is C.
     """
 
     size: float
     root: Array
     axes: Array
     log_volume: float
-    separating: tuple[Array, Array, Array] | None = None
+    separating: tuple[Array, Array, Array]
+
+    @classmethod
+    def whole(cls, size: float, root: Array, axes: Array, log_volume: float) -> DiscrepancyOfSize:
+        """Return a discrepancy that is not separated."""
+        none = np.zeros((0, root.size)), np.zeros((0, len(axes))), np.zeros((0, 0))
+        return cls(size, root, axes, log_volume, none)
 
     def separated(
         self, basis: Array, coupled: Array, scattered: Array, cost: float
     ) -> DiscrepancyOfSize:
         """Return it separated by Q and Y (R, n), with scaled V (K, n), all whitened."""
         scale = self.size or 1.0  # makes Q and Y of similar size, which saves digits
-        own, along = self._scaled(np.concatenate([scale * basis, coupled / scale, scattered]))
+        own = np.concatenate([scale * basis, coupled / scale, scattered]) * self.root
+        along = own @ self.axes.T
         rank = len(basis)
         inner = -np.eye(len(own))
         inner[: 2 * rank, : 2 * rank] = np.roll(np.eye(2 * rank), rank, axis=0)
@@ -85,35 +86,22 @@ class DiscrepancyOfSize:
 
     def products(self, vectors: Array) -> Array:
         """Return the products v^T C_P^-1 w (M, M) of whitened vectors (M, n)."""
-        scaled, along = self._scaled(vectors)
-        products = scaled @ scaled.T - along @ along.T
-        if self.separating is not None:
-            own, own_along, inverse = self.separating
-            with_u = scaled @ own.T - along @ own_along.T
-            products = products + with_u @ inverse @ with_u.T
-        return np.asarray(products)
+        scaled, along, with_u = self._components(vectors)
+        followed = with_u @ self.separating[2] @ with_u.T
+        return np.asarray(scaled @ scaled.T - along @ along.T + followed)
 
     def squares(self, vectors: Array) -> Array:
         """Return v^T C_P^-1 v (M,) of whitened vectors (M, n)."""
-        scaled, along = self._scaled(vectors)
-        squares = (scaled**2).sum(axis=1) - (along**2).sum(axis=1)
-        if self.separating is not None:
-            own, own_along, inverse = self.separating
-            with_u = scaled @ own.T - along @ own_along.T
-            squares = squares + np.einsum("mu,uw,mw->m", with_u, inverse, with_u)
-        return np.asarray(squares)
+        scaled, along, with_u = self._components(vectors)
+        followed = np.einsum("mu,uw,mw->m", with_u, self.separating[2], with_u)
+        return np.asarray((scaled**2).sum(axis=1) - (along**2).sum(axis=1) + followed)
 
-    def _scaled(self, vectors: Array) -> tuple[Array, Array]:
-        """Return the scaled vectors (M, n) and their components (M, K) along the K axes."""
+    def _components(self, vectors: Array) -> tuple[Array, Array, Array]:
+        """Return vectors (M, n) scaled, and their components along the axes and with C^-1 U."""
         scaled = vectors * self.root
-        return scaled, scaled @ self.axes.T
-
-
-def orthonormal_rows(slopes: Array, lengths: Array) -> Array:
-    """Return an orthonormal basis (R, n) of the span of slopes (F, n) of the block means."""
-    _, values, rows = np.linalg.svd(slopes * lengths[:, None], full_matrices=False)
-    basis: Array = rows[values > _SMALLEST * values.max(initial=0.0)]
-    return basis
+        along = scaled @ self.axes.T
+        own, own_along, _ = self.separating
+        return scaled, along, scaled @ own.T - along @ own_along.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,14 +125,11 @@ class Separation:
     _by_size: dict[float, DiscrepancyOfSize] = field(default_factory=dict)
 
     @cached_property
-    def slopes(self) -> Array:
-        """Return the derivatives of the block means (F, n), not whitened."""
-        return self.whitener.flattened(self.responses)
-
-    @cached_property
     def rows(self) -> Array:
-        """Return the orthonormal basis Q (R, n)."""
-        return orthonormal_rows(self.slopes, self.lengths)
+        """Return the orthonormal basis Q (R, n) of the span of the derivatives."""
+        slopes = self.whitener.flattened(self.responses) * self.lengths[:, None]
+        _, values, rows = np.linalg.svd(slopes, full_matrices=False)
+        return np.asarray(rows[values > _SMALLEST * values.max(initial=0.0)])
 
     @cached_property
     def _parts(self) -> tuple[Array, ...]:
@@ -167,10 +152,10 @@ class Separation:
     def scaled_rows(self) -> tuple[Array, NDArray[np.intp]]:
         """Return the rows V (K, n), not whitened, and the part (K,) of each."""
         if self.parts is None:
-            return np.zeros((0, self.slopes.shape[1])), np.zeros(0, dtype=np.intp)
-        rows = by_test(parts := self.parts())
+            return np.zeros((0, self.features.shape[1])), np.zeros(0, dtype=np.intp)
+        parts = self.parts()
         groups = np.repeat(np.arange(len(parts)), parts.shape[1])
-        return self.whitener.flattened(rows), groups
+        return self.whitener.flattened(by_test(parts)), groups
 
     @cached_property
     def separated_rows(self) -> Array:
@@ -183,28 +168,13 @@ class Separation:
             return rows[:0]
         return np.asarray(np.array(self.scatter.sizes)[self.scaled_rows[1], None] * rows)
 
-    @cached_property
-    def _whitened_errors(self) -> Array:
-        return self.slopes[:0] if self.errors is None else self.whitener.whiten(self.errors)
-
     def with_scatter(self, scatter: Scatter) -> Separation:
         """Return the separation with other sds of the scales of each part."""
-        return self if scatter == self.scatter else self._changed(_CACHED, scatter=scatter)
+        return self if scatter == self.scatter else replace(self, scatter=scatter, _by_size={})
 
     def with_errors(self, errors: Array | None) -> Separation:
         """Return the separation with other errors of the force."""
-        return self if errors is self.errors else self._changed(_OF_SLOPES, errors=errors)
-
-    def _changed(self, known: tuple[str, ...], **fields: Any) -> Separation:
-        """Return the separation with other fields, on which what is known does not depend."""
-        other = replace(self, _by_size={}, **fields)
-        other.__dict__.update({k: v for k, v in self.__dict__.items() if k in known})
-        return other
-
-    @property
-    def rank(self) -> int:
-        """Return the rank R of the Jacobian."""
-        return len(self.rows)
+        return self if errors is self.errors else replace(self, errors=errors, _by_size={})
 
     @property
     def removed(self) -> Array:
@@ -228,19 +198,21 @@ class Separation:
     def forget(self) -> None:
         """Discard what can be computed again in a millisecond, to save a megabyte a point."""
         self._by_size.clear()
-        for rows in _CACHED:
-            self.__dict__.pop(rows, None)
+        for computed in self.__dict__.keys() - {one.name for one in fields(self)}:
+            del self.__dict__[computed]
 
     def at(self, whole: DiscrepancyOfSize) -> DiscrepancyOfSize:
         """Return a discrepancy separated, with the scatter and the errors of the force."""
-        separates = whole.size > 0.0 and self.rank > 0
+        separates = whole.size > 0.0 and len(self.rows) > 0
         if not separates and not self._has_rows:
             return whole
         if whole.size not in self._by_size:
-            basis, ties, moments = self._parts if separates else 3 * (self.slopes[:0],)
-            rows = self._with_errors(self.scattered(self.separated_rows))
+            basis, ties, moments = self._parts if separates else 3 * (self.rows[:0],)
             self._by_size[whole.size] = whole.separated(
-                basis, whole.size**2 * ties + moments, rows, 2.0 * self.scatter.cost
+                basis,
+                whole.size**2 * ties + moments,
+                self._with_errors(self.separated_rows),
+                2.0 * self.scatter.cost,
             )
         return self._by_size[whole.size]
 
@@ -248,7 +220,7 @@ class Separation:
         """Return a discrepancy with the scatter, neither of them separated."""
         if not self._has_rows:
             return whole
-        rows = self._with_errors(self.scattered(self.whitener.whiten(self.scaled_rows[0])))
+        rows = self._with_errors(self.whitener.whiten(self.scaled_rows[0]))
         return whole.separated(rows[:0], rows[:0], rows, 0.0)
 
     @property
@@ -257,4 +229,7 @@ class Separation:
         return any(self.scatter.sizes) or (self.errors is not None and len(self.errors) > 0)
 
     def _with_errors(self, rows: Array) -> Array:
-        return np.concatenate([rows, self._whitened_errors])
+        """Return whitened rows of V, scaled, and the errors of the force after them."""
+        scaled = self.scattered(rows)
+        whiten = self.whitener.whiten
+        return scaled if self.errors is None else np.concatenate([scaled, whiten(self.errors)])

@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jax.tree_util import PyTreeDef
 from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.model.model import Model
 from qlvbayes.model.noise import AbstractNoise
-from qlvbayes.model.parameters import is_prior, names, value_shape
+from qlvbayes.model.parameters import filled, is_prior, names, value_shape
 from qlvbayes.priors.distributions import (
     AbstractPrior,
     AbstractScalarPrior,
@@ -57,11 +56,6 @@ class Leaf:
     prior: AbstractPrior
     theta: range
     constants: range
-
-    def constrain(self, thetas: Array) -> tuple[Array, Array]:
-        """Return values (..., K) of the field and log prior densities (K,) at thetas (K, F)."""
-        value, log = self.prior.constrain(thetas[:, self.theta.start : self.theta.stop].T)
-        return np.asarray(value), np.asarray(log)
 
 
 class Amplitude(NamedTuple):
@@ -151,7 +145,7 @@ class Parameters:
                 fixed.append(np.ravel(leaf))
                 constants += fixed[-1].size
                 continue
-            count = int(np.prod(value_shape(leaf), dtype=int))
+            count = math.prod(value_shape(leaf))
             indices = range(theta, theta + leaf.size), range(constants, constants + count)
             leaves.append(Leaf(leaf, *indices))
             bounds.append(np.tile(_bounds(leaf), (leaf.size, 1)))
@@ -210,9 +204,8 @@ class Parameters:
         columns, start = {}, 0
         for name, part in parts.items():
             shapes = map(value_shape, jax.tree.leaves(part, is_leaf=is_prior))
-            stop = start + sum(math.prod(shape) for shape in shapes)
-            columns[name] = slice(start, stop)
-            start = stop
+            first, start = start, start + sum(math.prod(shape) for shape in shapes)
+            columns[name] = slice(first, start)
         return columns
 
     def positions_of(self, fewer: Parameters) -> list[int]:
@@ -230,36 +223,14 @@ class Parameters:
             values[:, self.direct.constants] = self.direct.values(thetas)
             logs = self.direct.log_densities(thetas)
             for leaf in self.joint:
-                columns = slice(leaf.constants.start, leaf.constants.stop)
-                own, log = leaf.constrain(thetas)
-                values[:, columns] = own.reshape(-1, len(thetas)).T
-                logs = logs + log
+                own, log = leaf.prior.constrain(thetas[:, leaf.theta].T)
+                values[:, leaf.constants] = np.reshape(own, (-1, len(thetas))).T
+                logs = logs + np.asarray(log)
         return values, logs
 
     def model_at(self, constants: Array) -> Model:
         """Return the model whose fields are the constants (P,)."""
-        fields = [
-            constants[columns].reshape(shape + constants.shape[1:])
-            for columns, shape in self._fields
-        ]
-        model: Model = jax.tree.unflatten(self._structure, fields)
-        return model
-
-    @cached_property
-    def _structure(self) -> PyTreeDef:
-        """Return the structure of the model."""
-        return jax.tree.structure(self.model, is_leaf=is_prior)
-
-    @cached_property
-    def _fields(self) -> list[tuple[slice, tuple[int, ...]]]:
-        """Return the columns of the constants and the shape of each field of the model."""
-        found, start = [], 0
-        for leaf in jax.tree.leaves(self.model, is_leaf=is_prior):
-            shape = value_shape(leaf)
-            stop = start + math.prod(shape)
-            found.append((slice(start, stop), shape))
-            start = stop
-        return found
+        return filled(self.model, constants)
 
 
 def _bounds(prior: AbstractPrior) -> tuple[float, float, float]:

@@ -5,7 +5,6 @@ Every hypothesis has parameters of its own, under the noise floor as measured.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -31,6 +30,7 @@ from qlvbayes.model.noise import AbstractNoise
 from qlvbayes.model.parameters import filled, is_prior, unconstrained
 from qlvbayes.motion.record import Record
 from qlvbayes.priors.distributions import HalfNormal, Normal, SignedAmplitude
+from qlvbayes.pytree import Pytree
 
 FEW = 4
 """Largest number of modes of a spectrum that is computed as it is, without fixed rates."""
@@ -58,7 +58,7 @@ class Space:
 
     def with_effects(self, effects: dict[str, AbstractEffect]) -> Space:
         """Return the space with other priors of its effects."""
-        laws = {key: own for key, own in self._draws.items() if key[0] != "effects"}
+        laws = {key: own for key, own in self._draws.items() if key[0] != "effect"}
         return replace(self, effects=effects, _cache={}, _draws=laws)
 
     @cached_property
@@ -123,13 +123,15 @@ class Space:
         forces = self.forces(hypothesis, constants)
         return constants, forces[0], (forces[1:] - forces[0]) / steps[:, None, None]
 
-    def added_force(self, hypothesis: Hypothesis, theta: Array, number: int, size: float) -> Array:
-        """Return the force (T, B) in N that ``size`` more of one parameter adds at theta (F,)."""
-        added = theta.copy()
-        added[number] += size
-        constants = self.parameters(hypothesis).constants(np.stack([theta, added]))
-        before, after = self.forces(hypothesis, constants)
-        return np.asarray(after - before)
+    def added_forces(
+        self, hypothesis: Hypothesis, thetas: Array, number: int, size: float
+    ) -> Array:
+        """Return what ``size`` more of one parameter adds (S, T, B) in N at thetas (S, F)."""
+        added = thetas.copy()
+        added[:, number] += size
+        constants = self.parameters(hypothesis).constants(np.concatenate([added, thetas]))
+        forces = self.forces(hypothesis, constants)
+        return np.asarray(forces[: len(thetas)] - forces[len(thetas) :])
 
     @cached_property
     def curve_grids(self) -> tuple[Array, Array]:
@@ -141,23 +143,16 @@ class Space:
         return np.linspace(0.0, depth, _GRID), np.geomspace(least, float(time.max()), _GRID)
 
     def indices_of(self, hypothesis: Hypothesis, part: str) -> list[int]:
-        """Return the indices in theta of a hypothesis's elastic law or relaxation."""
-        elastic = self.draws("elastic", hypothesis.elastic).shape[1]
-        if part == "elastic":
-            return list(range(elastic))
-        count = self.draws("relaxation", hypothesis.relaxation).shape[1]
-        own = self.parameters(hypothesis).by_name.items()
-        effects = tuple(f"{name}." for name in hypothesis.effects & self.relaxing)
-        of_effects = [k for name, leaf in own if name.startswith(effects) for k in leaf.theta]
-        return [*range(elastic, elastic + count), *(of_effects if effects else [])]
+        """Return the indices in theta of a hypothesis's elastic law or relaxation.
 
-    def draws_of(self, hypothesis: Hypothesis, part: str, seed: int = 0) -> Array:
-        """Return prior draws (25, size) of the parameters that `indices_of` names."""
-        parts = [self.draws(part, getattr(hypothesis, part), seed)]
-        if part == "relaxation":
-            names = [name for name in self._nested(hypothesis) if name in self.relaxing]
-            parts += [self.draws("effects", name, seed) for name in names]
-        return np.concatenate(parts, axis=1)
+        To the relaxation belong the effects that act on it alone.
+        """
+        own = self.parameters(hypothesis)
+        names = [part, *(hypothesis.effects & self.relaxing if part == RELAXATION else ())]
+        some = [own.columns[name] for name in names]
+        starts = [(leaf, leaf.constants.start) for leaf in own.leaves]
+        inside = [leaf for leaf, k in starts if any(one.start <= k < one.stop for one in some)]
+        return [k for leaf in inside for k in leaf.theta]
 
     def curve(self, hypothesis: Hypothesis, part: str, constants: Array) -> Array:
         """Return the curves (K, 40) of a law at constants (K, P)."""
@@ -177,12 +172,11 @@ class Space:
 
     def _model(self, hypothesis: Hypothesis, constants: Array, fixed: FixedRates) -> Model:
         """Return the model of constants (K, P); long spectra are represented by fixed rates."""
-        parameters = self.parameters(hypothesis)
         fractions, rates = self.spectra(hypothesis, constants)
         if rates.shape[1] > FEW:
             fractions = fixed.fractions(fractions, rates)
             rates = np.broadcast_to(fixed.rates, (len(constants), fixed.rates.size))
-        model = parameters.model_at(constants.T)
+        model = self.parameters(hypothesis).model_at(constants.T)
         for name in hypothesis.effects & self.relaxing:
             model = model.without(name)
         return replace(model, relaxation=Spectrum(fractions.T, rates.T))
@@ -207,29 +201,25 @@ class Space:
         fractions, rates = (np.broadcast_to(x.T, (len(index), len(x))) for x in spectrum)
         return fractions[which], rates[which]
 
-    def draws(self, part: str, name: str, seed: int = 0) -> Array:
-        """Return draws (25, size) from the priors of a law or effect, which depend on the seed."""
-        if (part, name, seed) not in self._draws:
-            rng = np.random.default_rng(seed)
-            columns = []
-            for leaf in jax.tree.leaves(getattr(self, part)[name], is_leaf=is_prior):
-                if is_prior(leaf):
+    def prior_draws(self, hypothesis: Hypothesis, seed: int = 0) -> Array:
+        """Return draws (25, F) of a hypothesis's free parameters from their priors.
+
+        Those of a law or an effect are the same in every hypothesis that has it.
+        """
+        model = self.parameters(hypothesis).model
+        parts: dict[tuple[str, str], Pytree] = {
+            (ELASTIC, hypothesis.elastic): model.elastic,
+            (RELAXATION, hypothesis.relaxation): model.relaxation,
+            **{("effect", effect.name): effect for effect in model.effects},
+        }
+        for name, part in parts.items():
+            if (*name, seed) not in self._draws:
+                rng, columns = np.random.default_rng(seed), [np.zeros((_DRAWS, 0))]
+                for leaf in filter(is_prior, jax.tree.leaves(part, is_leaf=is_prior)):
                     values = np.stack([leaf.draw(rng) for _ in range(_DRAWS)])
                     columns.append(unconstrained(leaf, values))
-            self._draws[(part, name, seed)] = np.concatenate(
-                [np.zeros((_DRAWS, 0)), *columns], axis=1
-            )
-        return self._draws[(part, name, seed)]
-
-    def prior_draws(self, hypothesis: Hypothesis, seed: int = 0) -> Array:
-        """Return draws (25, F) of a hypothesis's free parameters from their priors."""
-        parts = [("elastic", hypothesis.elastic), ("relaxation", hypothesis.relaxation)]
-        parts += [("effects", name) for name in self._nested(hypothesis)]
-        return np.concatenate([self.draws(*part, seed) for part in parts], axis=1)
-
-    def _nested(self, hypothesis: Hypothesis) -> list[str]:
-        """Return the names of a hypothesis's effects, in the order in which they nest."""
-        return [effect.name for effect in self.parameters(hypothesis).model.effects]
+                self._draws[(*name, seed)] = np.concatenate(columns, axis=1)
+        return np.concatenate([self._draws[(*name, seed)] for name in parts], axis=1)
 
 
 def in_natural_amplitude(effect: AbstractEffect, factor: float = 1.0) -> AbstractEffect:
@@ -252,8 +242,3 @@ def _spectrum(relaxation: AbstractRelaxation, count: int) -> tuple[Array, Array]
     pairs = zip(*(one.spectrum() for one in sets), strict=True)
     fractions, rates = (np.stack(list(map(np.asarray, some)), axis=-1) for some in pairs)
     return fractions, rates
-
-
-def median(draws: Iterable[Array]) -> Array:
-    """Return the median (F,) of draws (N, F), parameter by parameter."""
-    return np.asarray(np.median(np.asarray(list(draws)), axis=0))
