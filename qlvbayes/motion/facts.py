@@ -137,7 +137,8 @@ def noise_of(experiment: Experiment) -> float:
 
 def _depths(trial: Trial, phase: Phase) -> list[float]:
     """Return the depths at which a phase begins and ends."""
-    return trial.trajectory.displacement([phase.start, phase.stop]).tolist()
+    begin, end = trial.trajectory.displacement([phase.start, phase.stop])
+    return [float(begin), float(end)]
 
 
 def unloads(experiment: Experiment, nearly: float = NEARLY) -> bool:
