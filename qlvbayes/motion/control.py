@@ -21,7 +21,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qlvbayes.io.arrays import Array
 from qlvbayes.io.data import Control, Prescribed, Test
@@ -243,22 +242,19 @@ def force_phases(test: Test, read: Array) -> tuple[Phase, ...]:
     return find_phases(path)
 
 
-def loaded_readings(time: Array, phases: Sequence[Phase]) -> NDArray[np.bool_]:
-    """Return which times (n,) lie in phases of prescribed force."""
-    loaded = np.array([phase.control == Control.FORCE for phase in phases])
-    return np.asarray(loaded[phase_index(phases, time)])
-
-
 def with_both_errors(tests: Sequence[Test], phases: Sequence[Sequence[Phase]]) -> list[Test]:
     """Return tests whose force has the errors of both readings, to measure noise: F - K delta."""
-    loaded = [loaded_readings(test.time, cut) for test, cut in zip(tests, phases, strict=True)]
-    secants = [_first_secant(test) for test, some in zip(tests, loaded, strict=True) if some.any()]
+    every = [
+        (test, phase_index(cut, test.time), [phase.control == Control.FORCE for phase in cut])
+        for test, cut in zip(tests, phases, strict=True)
+    ]
+    secants = [_first_secant(test) for test, at, loaded in every if np.any(np.array(loaded)[at])]
     if not secants:
         return list(tests)
     stiffness, read = max(largest_stiffness(tests), *secants), []
-    for test, cut, some in zip(tests, phases, loaded, strict=True):
-        force, which = test.force.copy(), phase_index(cut, test.time)
-        for k in np.unique(which[some]):
+    for test, which, loaded in every:
+        force = test.force.copy()
+        for k in np.intersect1d(which, np.flatnonzero(loaded)):
             way = test.displacement[which == k]
             force[which == k] -= stiffness * (way - way[-1])
         read.append(replace(test, force=force))

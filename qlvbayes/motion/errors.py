@@ -21,7 +21,7 @@ number of steps from reading to reading are taken as one error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +44,7 @@ _UNIFORM = float(np.sqrt(12.0))  # a length over the sd of a moment anywhere in 
 _MOST = 1000  # knots whose moments are computed; of more each takes its piece's bound
 
 
-@dataclass(frozen=True)
-class Errors:
+class Errors(NamedTuple):
     """Sds (n,) of displacement, velocity and acceleration at some times (n,)."""
 
     time: Array
@@ -69,9 +68,12 @@ def errors(stretch: Stretch, tol: Tolerance) -> Errors:
         derivative(time[inside][pick], full, stretch.degree, order)[:, kept] for order in range(3)
     ]
     basis = csr_array(BSpline.design_matrix(time[inside], full, stretch.degree))[:, kept]
-    inverse = _inverse(basis)
-    shares = np.sqrt([_quadratic_form(inverse, row) for row in rows])
-    sd = np.sqrt(variance[pick]) * shares
+    inverse, shares = _inverse(basis), np.zeros((3, pick.size))
+    for some in np.array_split(np.arange(pick.size), pick.size // _CHUNK + 1):
+        for order, row in enumerate(rows):  # the diagonal of row (basis^T basis)^-1 row^T
+            right = row[some].T.toarray()
+            shares[order, some] = np.sum(right * inverse.solve(right), axis=0)
+    sd = np.sqrt(variance[pick]) * np.sqrt(np.maximum(shares, 0.0))
     if tol.step == 0.0 and tol.noise == 0.0:  # what is left is no scatter: it does not average out
         sd[0] = np.sqrt(variance[pick])
     elif tol.noise == 0.0:
@@ -132,23 +134,6 @@ def _inverse(basis: csr_array) -> SuperLU:
     return splu(gram + diags_array(ridge).tocsc())
 
 
-def _quadratic_form(inverse: SuperLU, rows: csr_array) -> Array:
-    """Return the diagonal (n,) of rows (basis^T basis)^-1 rows^T, of some rows at a time."""
-    forms = np.zeros(rows.shape[0])
-    for some in np.array_split(np.arange(forms.size), forms.size // _CHUNK + 1):
-        right = rows[some].T.toarray()
-        forms[some] = np.sum(right * inverse.solve(right), axis=0)
-    return np.maximum(forms, 0.0)
-
-
-@dataclass(frozen=True)
-class Moments:
-    """Sds (k,) in s of the times (k,) of knots."""
-
-    time: Array
-    sd: Array
-
-
 def moments(stretch: Stretch, tol: Tolerance, level_sd: tuple[float, float], clock: float) -> Array:
     """Return the sds (k,) in s of a stretch's knots."""
     joints, time = stretch.joints, stretch.window.time
@@ -181,7 +166,8 @@ def _from_readings(
     full, kept = repeated_knots(joints, degree)
     basis = csr_array(BSpline.design_matrix(time, full, degree))
     rows, size = _jumps(stretch, full)
-    variance = _variance_of_knots(stretch, inside, tol) + (_speed(stretch, time) * clock) ** 2
+    speed = np.gradient(stretch.at(time), time)
+    variance = _variance_of_knots(stretch, inside, tol) + (np.abs(speed) * clock) ** 2
     free = basis[:, kept]
     weight = _inverse(free).solve(rows[:, kept].T.toarray())  # (coefficients, knots)
     variances = np.sum((diags_array(np.sqrt(variance)) @ (free @ weight)) ** 2, axis=0)
@@ -237,10 +223,3 @@ def _jumps(stretch: Stretch, full: Array) -> tuple[csr_array, Array]:
         for order in (path.derivative(1), path.derivative(2))
     )
     return rows, np.abs(np.where(joints.kinked, speed, rate))
-
-
-def _speed(stretch: Stretch, time: Array) -> Array:
-    """Return the speed (n,) at some times, from differences of the path."""
-    if time.size < 2:
-        return np.zeros(time.shape)
-    return np.abs(np.gradient(stretch.at(time), time))

@@ -135,14 +135,16 @@ def noise_of(experiment: Experiment) -> float:
     return experiment.floor.total * float(np.median(np.concatenate(sds))) / experiment.sd_scale
 
 
-def _depth_at(trial: Trial, time: float) -> float:
-    return float(trial.trajectory.displacement(time))
+def _depths(trial: Trial, phase: Phase) -> list[float]:
+    """Return the depths at which a phase begins and ends."""
+    begin, end = trial.trajectory.displacement([phase.start, phase.stop])
+    return [float(begin), float(end)]
 
 
 def unloads(experiment: Experiment, nearly: float = NEARLY) -> bool:
     """Return whether a test moves back by more than the fitted motion may ripple."""
     return any(
-        _depth_at(trial, phase.start) - _depth_at(trial, phase.stop) > nearly * experiment.depth
+        -np.diff(_depths(trial, phase))[0] > nearly * experiment.depth
         for trial in experiment.trials
         for phase in trial.used_phases
         if phase.kind == "unload"
@@ -156,7 +158,7 @@ def returns(experiment: Experiment, nearly: float = NEARLY) -> bool:
         for phase in trial.used_phases:
             if phase.kind in ("unload", "recovery"):
                 inside = (trial.test.time >= phase.start) & (trial.test.time <= phase.stop)
-                if _depth_at(trial, phase.stop) < nearly * experiment.depth:
+                if _depths(trial, phase)[1] < nearly * experiment.depth:
                     return True
                 if np.any(trial.test.force[inside] < little):
                     return True
@@ -168,14 +170,14 @@ def loaded_once(experiment: Experiment) -> bool:
     if len(experiment.trials) > 1:
         return False
     (trial,) = experiment.trials
-    depths = [abs(_depth_at(trial, p.stop)) for p in trial.phases if p.kind == "ramp"]
+    depths = [abs(_depths(trial, p)[1]) for p in trial.phases if p.kind == "ramp"]
     return bool(depths) and max(depths) < DEEPER * depths[0]
 
 
 def at_one_depth(experiment: Experiment, nearly: float = NEARLY) -> bool:
     """Return whether all rests in contact are at one depth."""
     ends = [
-        _depth_at(trial, phase.stop)
+        _depths(trial, phase)[1]
         for trial in experiment.trials
         for phase in trial.used_phases
         if phase.kind not in MOVING and phase.control == Control.DISPLACEMENT

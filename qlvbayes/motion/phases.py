@@ -288,7 +288,9 @@ def no_ramp(
         ends = trajectory.displacement([falls[0].start, falls[-1].stop])
         start, stop = (plain(float(end), _DIGITS) for end in ends)
         seen = f"its {word} only falls, from {start} to {stop}{unit}"
-        if _force_rises(test, falls[0]):
+        inside = (test.time >= falls[0].start) & (test.time <= falls[0].stop)
+        displacement = test.displacement[inside]
+        if (displacement - np.mean(displacement)) @ test.force[inside] < 0.0:
             seen += f", while the {force} rises, so that it counts the wrong way"
             remedy = f"write its value at first contact minus each value as {word}, so that "
             remedy += "pressing makes it rise from zero"
@@ -298,10 +300,3 @@ def no_ramp(
             remedy += "this is the loading, or delete the test"
     what = f"test {test.name} of pad {test.pad} holds no loading ramp: {seen}"
     return InputError(what, remedy=remedy)
-
-
-def _force_rises(test: Test, fall: Phase) -> bool:
-    """Return whether the force rises while the displacement falls."""
-    inside = (test.time >= fall.start) & (test.time <= fall.stop)
-    displacement, force = test.displacement[inside], test.force[inside]
-    return bool((displacement - np.mean(displacement)) @ force < 0.0)

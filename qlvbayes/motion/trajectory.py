@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from math import sqrt
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,12 +22,10 @@ from qlvbayes.motion.bounds import (
     find_dwells,
     greedy_segments,
 )
-from qlvbayes.motion.errors import Errors, Moments, errors, moments
+from qlvbayes.motion.errors import Errors, errors, moments
 from qlvbayes.motion.sensor import clock_error, encoder_step, scatter_left, tolerance
 from qlvbayes.motion.splines import Stretch, at_ends
 from qlvbayes.motion.stretch import fitted
-
-_Sds = TypeVar("_Sds", Errors, Moments)
 
 _SPEED_KNOWN = 0.05  # of the top speed: largest median error of a known velocity,
 _ACCELERATION_KNOWN = 0.2  # and the same for the acceleration
@@ -51,7 +48,7 @@ class Trajectory:
     displacement, 0 if none was seen; ``higher`` (m, k) the h_jk, None for constant accelerations.
     Outside the record the motion is at rest at its end value. At a kink the velocity and
     acceleration are those just after it. ``unresolved``: what the record cannot give ("velocity",
-    "acceleration"), with the reason in a few words. ``moments``: sds of the times of knots.
+    "acceleration"), with the reason in a few words. ``moments``: times of knots and their sds in s.
     ``clock_sd``: sd in s of the error of each reading's time stamp, from the jitter of the clock
     and the rounding of the stamps (``clock.clock_error``), and no more than the readings of the
     moving platen allow; 0 where stamps are exact or none were read. ``read_at``: times (n,) of the
@@ -67,7 +64,7 @@ class Trajectory:
     higher: Array | None = None
     unresolved: tuple[tuple[str, str], ...] = ()
     error: Errors | None = None
-    moments: Moments | None = None
+    moments: tuple[Array, Array] | None = None
     clock_sd: float = 0.0
     read_at: Array | None = None
     departure: Departure | None = None
@@ -109,7 +106,7 @@ class Trajectory:
         """Sd (j,) in s of the time of each kink, from the readings' errors and spacing."""
         if self.moments is None:
             return np.zeros(self.kinks.shape)
-        return np.asarray(np.interp(self.kinks, self.moments.time, self.moments.sd))
+        return np.asarray(np.interp(self.kinks, *self.moments))
 
     @property
     def _at_kinks(self) -> NDArray[np.bool_]:
@@ -282,16 +279,17 @@ def _clock_sd(t: Array, x: Array, motion: Trajectory) -> float:
 
 def _all_moments(
     t: Array, parts: list[Stretch], dwells: list[DwellSpan], tol: Tolerance, clock: float
-) -> Moments:
-    """Return the errors of all stretches' knots, in order of time."""
-    every = [Moments(t[[0, -1]], np.zeros(2))]
+) -> tuple[Array, Array]:
+    """Return the times of all stretches' knots and their sds, in order of time."""
+    every = [(t[[0, -1]], np.zeros(2))]
     for part in parts:
         begin, end = part.joints.knots[[0, -1]]
         before = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.first] < begin]
         after = [_level_sd(dwell, tol) for dwell in dwells if t[dwell.stop - 1] > end]
         levels = (before[-1] if before else 0.0, after[0] if after else 0.0)
-        every.append(Moments(part.joints.knots, moments(part, tol, levels, clock)))
-    return _in_order(every)
+        every.append((part.joints.knots, moments(part, tol, levels, clock)))
+    time, sd = _in_order(every)
+    return time, sd
 
 
 def _level_sd(dwell: DwellSpan, tol: Tolerance) -> float:
@@ -315,16 +313,16 @@ def _all_errors(
         middle = 0.5 * (t[dwell.first] + t[dwell.stop - 1])
         span = np.array([ends[ends <= middle].max(), begins[begins >= middle].min()])
         every.append(Errors(span, np.full(2, _level_sd(dwell, tol)), np.zeros(2), np.zeros(2)))
-    joined = _in_order(every)
+    joined = Errors(*_in_order(every))
     least = max((float(np.ptp(p.window.displacement)) for p in parts), default=0.0)
-    return replace(joined, displacement=np.maximum(joined.displacement, _EXACT * least))
+    return joined._replace(displacement=np.maximum(joined.displacement, _EXACT * least))
 
 
-def _in_order(parts: list[_Sds]) -> _Sds:
-    """Return the errors of several parts as one, in order of time."""
-    order = np.argsort(np.concatenate([part.time for part in parts]), kind="stable")
-    columns = (np.concatenate([getattr(p, x.name) for p in parts])[order] for x in fields(parts[0]))
-    return type(parts[0])(*columns)
+def _in_order(parts: Sequence[tuple[Array, ...]]) -> list[Array]:
+    """Return columns of several parts as one, in order of the first one, time."""
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    order = np.argsort(columns[0], kind="stable")
+    return [column[order] for column in columns]
 
 
 def _unresolved(
@@ -334,7 +332,7 @@ def _unresolved(
     if not parts:
         return (("velocity", "the platen never moves"), ("acceleration", "the platen never moves"))
     doubts = []
-    every = _in_order(part_errors)
+    every = Errors(*_in_order(part_errors))
     speed = _share(every.velocity, motion.velocity(every.time))
     if speed > _SPEED_KNOWN:
         doubts.append(("velocity", "the displacement record does not give the speed"))

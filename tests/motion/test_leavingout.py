@@ -1,4 +1,4 @@
-"""A force that the user leaves out counts nowhere; the motion under it still does."""
+"""A force that the user leaves out counts nowhere, the motion under it does; parts are cut out."""
 
 import json
 from dataclasses import replace
@@ -22,7 +22,7 @@ from qlvbayes.laws.relaxation.prony import Prony
 from qlvbayes.model.choices import Choices
 from qlvbayes.model.model import Model
 from qlvbayes.motion.facts import covered
-from qlvbayes.motion.pad import arguments_of, refuse_unknown
+from qlvbayes.motion.pad import arguments_of, cut, refuse_unknown
 from qlvbayes.simulate import NOISES, TABLE_1, Hold, Move, simulate_test
 
 B = TABLE_1["B"]
@@ -311,3 +311,23 @@ def test_a_code_for_no_reading_may_stand_where_the_force_is_not_used(tmp_path):
     assert test.force.min() == -999.0
     with pytest.raises(InputError, match="-999, a code for no reading"):
         read_measurements(written(tmp_path, lost))
+
+
+def pulled():
+    time = np.arange(0.0, 40.0, 0.1)
+    return Pad("strip", (Test("pull", "strip", time, 1.0 * time, np.sqrt(time)),), PAD)
+
+
+def test_a_part_of_a_test_is_used_and_told():
+    pad, notices = cut(pulled(), ["pull:0..18mm"])
+    (test,) = pad.tests
+    assert (test.time[0], test.displacement[-1]) == (0.0, pytest.approx(18.0))
+    told = "181 rows are used, as stated by pull:0..18mm, and 219 left out"
+    assert notices == (f"pad strip: of test pull {told}",)
+    (late,) = cut(pulled(), ["strip/pull:5..9 s"])[0].tests
+    assert (late.time[0], late.displacement[0], late.start_s) == (0.0, 5.0, 5.0)
+    assert cut(pulled(), [])[1] == ()
+    with pytest.raises(InputError, match="leaves fewer than 10 rows"):
+        cut(pulled(), ["pull:0..0.5mm"])
+    with pytest.raises(InputError, match="is no part of a test"):
+        cut(pulled(), ["pull 0 to 18"])

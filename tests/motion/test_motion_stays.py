@@ -10,8 +10,6 @@ from support.solids import kinds
 from qlvbayes.motion.bounds import departure_of
 from qlvbayes.motion.phases import find_phases
 from qlvbayes.motion.sensor import encoder_step, tolerance
-from qlvbayes.motion.splines import Window
-from qlvbayes.motion.stretch import trapezoid
 from qlvbayes.motion.trajectory import smooth
 from qlvbayes.simulate.platen import Hold, Move, Platen
 
@@ -162,22 +160,3 @@ def test_a_creep_after_a_quick_press_keeps_its_speed(rate, offset, creep):
     speed = creep / 5.0  # mm/s, over the hold of `quick_press`
     off = found.velocity(np.linspace(0.3, 4.5, 5001)) - speed
     assert np.max(np.abs(off)) < 0.05 * speed
-
-
-@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
-def test_readings_of_a_trapezoid_give_it_back(share):
-    time = np.linspace(-0.2, 0.8, 21)
-    s = np.clip((time - 0.03) / 0.5, 0.0, 1.0)
-    early, late = s**2 / (2 * share), 1.0 - share - (1.0 - s) ** 2 / (2 * share)
-    x = np.where(s < share, early, np.where(s > 1 - share, late, s - 0.5 * share)) / (1 - share)
-    joints, pieces, worst = trapezoid(Window(time, 0.5 + 2.0 * x, -0.2, 0.8), 0.5, 2.5, 1e-10)
-    assert worst < 1e-4
-    assert joints.knots[[0, -1]] == pytest.approx([0.03, 0.53], abs=2e-3)
-    assert 2.0 * pieces.c[0, 0] == pytest.approx(2.0 / (0.25 * share * (1 - share)), rel=0.02)
-
-
-def test_where_nothing_moves_by_three_readings_there_is_no_trapezoid():
-    time = np.arange(6.0)
-    assert (
-        trapezoid(Window(time, np.array([0, 0, 0.5, 1, 1, 1.0]), 0.0, 5.0), 0.0, 1.0, 0.0) is None
-    )

@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter
 from support.records import Record, correlated
 
 from qlvbayes.io.data import Pad, Test
-from qlvbayes.io.units import PAD
+from qlvbayes.io.units import PAD, UnitSystem
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.noisefloor import measure
 from qlvbayes.motion.phases import Phase
@@ -359,3 +359,24 @@ def test_a_tare_has_the_error_of_noise_that_is_slower_than_the_approach():
         (trial,) = prepare(Pad("p", (test,), PAD)).trials
         off.append(taken / trial.test.tare_sd)
     assert 0.5 < float(np.sqrt(np.mean(np.square(off)))) < 1.8  # ten by the error that is stated
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_noise_that_ends_at_once_is_known_where_it_is(seed):
+    """A step of stress of 0.06 held for 60 s, under noise of 3, 0.1 and 0.001 one after another."""
+    time = np.geomspace(0.01, 60.0, 150)
+    strain = np.minimum(time / 0.09, 1.0) * 1e-3
+    true = np.select([time < 0.3, time < 3.0], [3.0, 0.1], 0.001)
+    stress = 60.0 * strain + true * np.random.default_rng(seed).standard_normal(time.size)
+    units = UnitSystem("1", "Pa")
+    experiment = prepare(Pad("gel", (Test("r", "gel", time, strain, stress),), units))
+    (trial,) = experiment.trials
+    found = trial.test.force_sd
+    steps = np.searchsorted(time, [0.3, 3.0])
+    # windows of 21 readings that hold no step; a third are independent: 2.5 is three sds and more
+    away = np.all(np.abs(np.arange(time.size)[:, None] - steps) > 12, axis=1)
+    assert np.all(np.abs(np.log(found / true))[away] < np.log(2.5))
+    assert 0.05 < experiment.peak < 0.5  # and not the 8 of the largest noise
+    late = time > 3.5
+    weights = 1.0 / found[late] ** 2
+    assert weights @ stress[late] / weights.sum() == pytest.approx(0.06, rel=0.01)

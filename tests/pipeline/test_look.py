@@ -15,7 +15,7 @@ from qlvbayes.diagnosis.searchsetup import protocol_of
 from qlvbayes.effects.catalogue import EFFECTS
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.data import read_measurements
-from qlvbayes.motion.evidence import touching
+from qlvbayes.motion import evidence
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.motion.facts import loaded_once
 from qlvbayes.pipeline.run import run_study
@@ -197,8 +197,8 @@ def test_a_force_that_lags_is_no_late_contact_and_contacts_are_found_once(tmp_pa
     for seed, speed in enumerate((0.5, 4.0, 10.0)):
         time, depth, force = pressed((1.6, speed, 5.0), (0.0, speed, 2.0), wait=1.0, seed=seed)
         tests[f"at_{speed:g}"] = time, depth, np.interp(time - 0.05, time, force)
-    found, rises = [], touching.first_rises
-    monkeypatch.setattr(touching, "first_rises", lambda *a, **k: found.append(a) or rises(*a, **k))
+    found, rises = [], evidence.first_rises
+    monkeypatch.setattr(evidence, "first_rises", lambda *a, **k: found.append(a) or rises(*a, **k))
     look, _ = seen(tmp_path, tests)
     assert len(found) == len(tests)
     assert [e.effect for e in look.direct_evidence if e.beyond_doubt] == ["channel_lag"]

@@ -15,8 +15,7 @@ from qlvbayes.io.files import results_folder, write_whole
 from qlvbayes.io.readings import sampling_of
 from qlvbayes.io.units import UnitSystem
 from qlvbayes.io.wording import plain
-from qlvbayes.motion.evidence import DirectEvidence, direct_evidence
-from qlvbayes.motion.evidence.touching import contacts_of
+from qlvbayes.motion.evidence import DirectEvidence, contacts_of, direct_evidence
 from qlvbayes.motion.experiment import Experiment, Trial, prepare
 from qlvbayes.motion.facts import ROUNDED, facts_of, move_of, noise_of
 from qlvbayes.motion.past import remembered_tests
