@@ -57,7 +57,7 @@ from qlvbayes.inference.density import Density
 from qlvbayes.inference.errors.scatter import by_test
 from qlvbayes.inference.forward.hypothesis import Hypothesis
 from qlvbayes.inference.modes import find_mode
-from qlvbayes.inference.starts import added_forces, amplitude_of, shapes, without
+from qlvbayes.inference.starts import shapes, without
 from qlvbayes.io.runtime import one_blas_thread
 from qlvbayes.motion.experiment import prepare
 from qlvbayes.parallel.engines import opened_engine
@@ -251,13 +251,11 @@ def responses(search: Search, plain: Hypothesis) -> tuple[list[str], Array]:
         if name not in search.families.addable(plain.effects):
             continue
         own = space.parameters(plain.plus(name))
-        amplitude = amplitude_of(own, name)
+        amplitude = own.amplitude_of.get(name)
         if amplitude is None:
             continue
         none = np.stack(shapes(space, point, own, name))
-        some = none.copy()
-        some[:, amplitude.number] += amplitude.sd
-        added = added_forces(space, own, none, some)
+        added = space.added_forces(own.hypothesis, none, amplitude.number, amplitude.sd)
         sound = np.isfinite(added).all(axis=(1, 2)) & np.any(added != 0.0, axis=(1, 2))
         columns.append(search.density.whitener(added[sound]))
         names += [name] * int(sound.sum())

@@ -114,6 +114,10 @@ def _kept(case: Case) -> dict[str, Any]:
         "probabilities": likely,
         "log_bayes_factors": {n: case["log_bayes_factors"][n] for n in likely},
         "support": {n: s for n, s in case.get("support", {}).items() if n in likely},
-        "guess": {n: p for n, p in case.get("guess", {}).items() if n in likely},
         "errors": errors_of(case),
+        **(
+            {"guess": {n: p for n, p in case["guess"].items() if n in likely}}
+            if "guess" in case
+            else {}
+        ),
     }

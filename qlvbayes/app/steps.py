@@ -98,8 +98,8 @@ class ProgressReporter(Watcher):
             if self._sampling is not None:
                 began, done, total = self._sampling
                 left = round((now - began) * (total - done) / done, 1) if done else None
-            told = {"text": self._text, "elapsed_s": round(now - self._began, 1)}
-            self._report(told | {"done": done, "total": total, "left_s": left})
+            event = {"text": self._text, "elapsed_s": round(now - self._began, 1)}
+            self._report(event | {"done": done, "total": total, "left_s": left})
 
 
 def diagnose(

@@ -141,8 +141,8 @@ def draw_constants(out: Path, given: Path | None, data: Path | None = None) -> N
     With the references that are given, which must all be usable, or those in the data's folder.
     """
     summaries = [summary.FitSummary.read(file) for file in sorted(out.glob("*/summary.json"))]
-    beside = data / REFERENCES if data is not None and (data / REFERENCES).is_file() else None
-    file = given or beside
+    nearby = data / REFERENCES if data is not None and (data / REFERENCES).is_file() else None
+    file = given or nearby
     known: summary.References = summary.read_references(file) if file else {}
     if not given:
         known = summary.matching_references(known, summaries)

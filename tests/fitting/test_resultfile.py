@@ -30,7 +30,7 @@ from qlvbayes.io.units import PAD, STRAIN, UnitSystem
 from qlvbayes.model.choices import Choices
 from qlvbayes.priors import LogNormal
 from qlvbayes.report.firstlook import FirstLook
-from qlvbayes.report.settings import in_words
+from qlvbayes.report.methods import settings_rows
 from qlvbayes.use.prescribed.hypotheses import Hypotheses
 
 KINDS = {
@@ -186,7 +186,7 @@ def test_a_record_is_not_changed_once_it_is_made():
     assert msgspec.structs.replace(estimate, mean=2.0).mean == 2.0
 
 
-def test_every_setting_of_the_diagnosis_has_its_words_in_the_report():
-    every = list(in_words(DiagnosisSettings()))
-    assert all(words for _, words, _ in every)
-    assert len({name for name, _, _ in every}) == len(every) <= 60  # that can move a verdict
+def test_every_setting_of_the_diagnosis_has_words_of_its_own_in_the_report():
+    every = settings_rows(DiagnosisSettings())
+    assert all(words for words, _ in every)
+    assert len({words for words, _ in every}) == len(every) <= 60  # that can move a verdict

@@ -40,11 +40,9 @@ def cover(phases, t):
 
 def test_the_four_phases_of_a_test():
     t, x = record([(0, 0), (0.5, 0), (0.58, 1.6), (10, 1.6), (11.6, 0), (20, 0)])
-    motion = smooth(t, x)
-    phases = find_phases(motion)
+    phases = find_phases(smooth(t, x))
     cover(phases, t)
     assert kinds(phases) == ["hold", "ramp", "hold", "unload", "recovery"]
-    assert loading_rate(motion, phases) == pytest.approx(20.0, rel=0.02)
     edges = [p.start for p in phases[1:]]
     assert np.allclose(edges, [0.5, 0.58, 10.0, 11.6], atol=3e-3)
 
@@ -128,6 +126,16 @@ def test_a_record_at_rest_is_one_hold():
     assert kinds(phases) == ["hold"]
     with pytest.raises(InputError, match="no loading ramp"):
         loading_rate(motion, phases)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.floats(0.2, 50.0), st.floats(0.5, 3.0))
+def test_loading_rate_is_the_speed_of_the_ramp(speed, stroke):
+    lasts = stroke / speed
+    corners = [(0, 0), (0.2, 0), (0.2 + lasts, stroke), (2 + lasts, stroke)]
+    t, x = record(corners, dt=np.clip(0.01 * lasts, 1e-3, 1e-2))
+    motion = smooth(t, x)
+    assert loading_rate(motion, find_phases(motion)) == pytest.approx(speed, rel=0.02)
 
 
 def real(name, depth, every):
