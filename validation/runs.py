@@ -85,7 +85,8 @@ def read_cases(run: str) -> list[Case]:
     """Return the studies of a run that are kept."""
     with lzma.open(RESULTS / f"{run}.csv.xz", "rt", encoding="utf-8", newline="") as file:
         rows = [
-            {key: json.loads(cell) for key, cell in row.items()} for row in csv.DictReader(file)
+            {key: json.loads(cell) for key, cell in row.items() if cell}
+            for row in csv.DictReader(file)
         ]
     return rows
 
@@ -107,6 +108,8 @@ def _kept(case: Case) -> dict[str, Any]:
     """Return a study without what nothing asks for, and the errors of its constants in sds."""
     likely = {n: p for n, p in case.get("probabilities", {}).items() if p >= LEAST}
     row = {key: case[key] for key in (*_PLAIN, *_NESTED) if key in case}
+    if "guess" in case:
+        row["guess"] = {name: p for name, p in case["guess"].items() if name in likely}
     return row | {
         "base": {"relaxation": case.get("base", {}).get("relaxation")},
         "rig": {"gap_mm": case["rig"]["gap_mm"]},
@@ -115,9 +118,4 @@ def _kept(case: Case) -> dict[str, Any]:
         "log_bayes_factors": {n: case["log_bayes_factors"][n] for n in likely},
         "support": {n: s for n, s in case.get("support", {}).items() if n in likely},
         "errors": errors_of(case),
-        **(
-            {"guess": {n: p for n, p in case["guess"].items() if n in likely}}
-            if "guess" in case
-            else {}
-        ),
     }
