@@ -13,19 +13,12 @@ from typing import Any
 
 from qlvbayes.app.sessions import ASKED, DATA
 from qlvbayes.io.checks import InputError
-from qlvbayes.io.conversion import (
-    DEFAULT_PAD,
-    Conversion,
-    convert,
-    in_short,
-    pad_in,
-    suggested_pattern,
-    write_tidy,
-)
+from qlvbayes.io.conversion import Conversion, convert, in_short, write_tidy
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.files import results_folder
 from qlvbayes.io.header import columns_in
 from qlvbayes.io.loading import SIGNS, Answers, pattern_of
+from qlvbayes.io.naming import DEFAULT_PAD, pad_in, suggested_pattern
 from qlvbayes.io.recording import UnsureError
 from qlvbayes.io.text import Lines, decoded, head_of
 from qlvbayes.io.tidy import sniff

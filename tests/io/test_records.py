@@ -10,9 +10,10 @@ from support.solids import solid
 
 from qlvbayes.io.checks import InputError
 from qlvbayes.io.contact import find_contact, is_dead
-from qlvbayes.io.conversion import convert, pad_in, suggested_pattern
+from qlvbayes.io.conversion import convert
 from qlvbayes.io.data import read_measurements
 from qlvbayes.io.loading import Answers, pattern_of
+from qlvbayes.io.naming import pad_in, suggested_pattern
 
 
 def written(folder, name, test, zero=0.0):
