@@ -197,10 +197,10 @@ constants have taken what they can, with a listed effect, or with nothing hidden
 and depths that are not in the record: it halves their error, or makes it worse (by more than 2 %).
 Seed and count were committed before the run. Asked for were 60 % halved, 5 % worse, and a law for
 at most 5 % of the pads that hold nothing or a listed effect. The fresh tests come after all others,
-so that a law that follows the clock or the number of loadings is carried on beyond the record: such
-a one (*slow swelling*) did the largest harm. Heat, swelling and a warming drive are what terms of
-the grammar can follow, and these were halved; for a rolling specimen, a cracking skin or a hardening
-pad no pair of terms predicted tests left out, and in others a listed effect took the blame.
+so that a law that follows the clock or the number of loadings is carried on beyond the record: one
+of these (*slow swelling*) did the largest harm. Heat, swelling and a warming drive are what terms
+of the grammar can follow, and these were halved; for a rolling specimen, a cracking skin or a pad
+that hardens no terms predicted tests left out, and in others a listed effect took the blame.
 """,
         lambda: Table.read("described").markdown(),
     ),
