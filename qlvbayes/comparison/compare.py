@@ -26,7 +26,7 @@ from qlvbayes.comparison.side import (
     side_of,
     unheld_times,
 )
-from qlvbayes.comparison.statistics import DRAWS, fluid_draws, joint_test, smallest_tail
+from qlvbayes.comparison.statistics import fluid_draws, joint_test, smallest_tail
 from qlvbayes.comparison.words import notices, paragraphs
 from qlvbayes.fitting.fit import Fit
 from qlvbayes.fitting.results import Saved
@@ -79,29 +79,32 @@ def compare(
     sides = [*groups[0], *groups[1]]
     units, between = sides[0].units, "fluids" if min(map(len, groups)) > 1 else "pads"
     settings = choose([side.reach for side in sides], depth, rates, frequencies)
-    rng = np.random.default_rng(seed)
     apart = unheld_times(sides)
     shared = [] if apart else shared_constants(sides)
     stated = [*shared, *([] if apart else lasting_shares(sides, shared))]
-    contrasts, lost = _contrasts(groups, stated, settings, region, between, rng, apart)
+    every = [*stated, *readings(settings, units)]
+    contrasts, lost = _contrasts(groups, every, len(stated), settings, region, seed)
     tested = contrasts[: len(shared)]
     if apart:
-        observed = {one.quantity for one in readings(settings, units) if one.shown}
-        tested = [c for c in contrasts if c.quantity in observed]
-    omnibus = _of_shown(tested) if apart else _omnibus(groups, tested, between)
+        shown = {one.quantity for one in every if one.shown}
+        tested = [c for c in contrasts if c.quantity in shown]
+        untold = {"answer": "cannot tell", "extrapolated": True}
+        contrasts = [c if c.quantity in shown else replace(c, **untold) for c in contrasts]
+        # of what all tests show, that which is equal within the region counts as equal
+        unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in tested]
+        omnibus = smallest_tail(unequal, "shown")
+    elif between == "fluids":
+        omnibus = smallest_tail(tested, "constants")
+    else:
+        alike = [{c.quantity: group[0].constants[c.quantity] for c in tested} for group in groups]
+        omnibus = joint_test(*alike) if tested else None
     comparison = Comparison(
-        names=labels,
-        between=between,
-        units=units,
-        specimens=(len(groups[0]), len(groups[1])),
-        region=float(region),
-        differ=_differ(omnibus, tested),
-        omnibus=omnibus,
-        by_chance=BY_CHANCE * len(contrasts),
-        settings=settings.as_record,
+        names=labels, between=between, units=units, specimens=(len(groups[0]), len(groups[1])),
+        region=float(region), differ=_differ(omnibus, tested), omnibus=omnibus,
+        by_chance=BY_CHANCE * len(contrasts), settings=settings.as_record,
         contrasts=tuple(contrasts),
         notices=tuple(notices(groups, labels, settings, shared, contrasts, lost, apart)),
-    )
+    )  # fmt: skip
     return replace(comparison, words=tuple(paragraphs(comparison)))
 
 
@@ -145,56 +148,39 @@ def _label(group: Sequence[Side]) -> str:
 
 def _contrasts(
     groups: tuple[list[Side], list[Side]],
-    stated: Sequence[Reading],
+    every: Sequence[Reading],
+    stated: int,
     settings: ReadingSettings,
     region: float,
-    between: str,
-    rng: np.random.Generator,
-    apart: Sequence[str],
+    seed: int,
 ) -> tuple[list[Contrast], list[str]]:
-    """Return every contrast, constants first, and the quantities that no model could give."""
-    units = groups[0][0].units
-    every = [*stated, *readings(settings, units)]
-    tables = [[_table(side, stated, settings) for side in group] for group in groups]
-    pairs = [[rng.permutation(_PAIRS) % len(t) for t in group] for group in tables]
+    """Return every contrast, and the quantities that no model could give.
+
+    The models' constants state the first ``stated`` of them; the others are derived.
+    """
+    rng = np.random.default_rng(seed)
+    tables = [
+        [
+            np.column_stack(
+                [*(side.stated(x.quantity) for x in every[:stated]), side.read(settings)]
+            )
+            for side in group
+        ]
+        for group in groups
+    ]
+    pairs = [[rng.permutation(_PAIRS) % len(table) for table in group] for group in tables]
     contrasts, lost = [], []
     for k, reading in enumerate(every):
         columns = [[table[:, k] for table in group] for group in tables]
         if not all(np.all(np.isfinite(x)) for group in columns for x in group):
             lost.append(reading.quantity)
             continue
-        if between == "fluids":
+        if min(map(len, groups)) > 1:
             one, other = fluid_draws(columns, rng)
         else:
             one, other = (group[0][rows[0]] for group, rows in zip(columns, pairs, strict=True))
-        one_of_all = contrast(reading, one, other, region)
-        if apart and not reading.shown:
-            one_of_all = replace(one_of_all, answer="cannot tell", extrapolated=True)
-        contrasts.append(one_of_all)
+        contrasts.append(contrast(reading, one, other, region))
     return contrasts, lost
-
-
-def _table(side: Side, stated: Sequence[Reading], settings: ReadingSettings) -> np.ndarray:
-    """Return draws (n, Q) of what the models' constants state, and of the derived quantities."""
-    columns = [side.stated(reading.quantity) for reading in stated]
-    return np.column_stack([*columns, side.read(settings)])
-
-
-def _omnibus(
-    groups: tuple[list[Side], list[Side]], constants: Sequence[Contrast], between: str
-) -> Omnibus | None:
-    if between == "fluids":
-        return smallest_tail(constants, DRAWS)
-    names = [c.quantity for c in constants]
-    first, second = ({k: group[0].constants[k] for k in names} for group in groups)
-    return joint_test(first, second) if names else None
-
-
-def _of_shown(contrasts: Sequence[Contrast]) -> Omnibus | None:
-    """Test the quantities that all tests show; those equal within the region count as equal."""
-    unequal = [c if c.answer != "equal" else replace(c, direction=0.5) for c in contrasts]
-    omnibus = smallest_tail(unequal, DRAWS)
-    return None if omnibus is None else replace(omnibus, over="shown")
 
 
 def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | None:
@@ -208,42 +194,26 @@ def _differ(omnibus: Omnibus | None, constants: Sequence[Contrast]) -> bool | No
 
 def contrast(reading: Reading, first: np.ndarray, second: np.ndarray, region: float) -> Contrast:
     """Compare draws (n,) of the first with draws (n,) of the second, independent of each other."""
-    positive = bool(np.min(first) > 0.0 and np.min(second) > 0.0)
+    ratio = first / second if np.min(first) > 0.0 and np.min(second) > 0.0 else None
     direction = float(np.mean(first > second) + 0.5 * np.mean(first == second))
-    equivalence = float(np.mean(alike(first, second, region)))
+    # the ratio lies within 1/(1 + region) .. 1 + region; that of two zeros does
+    larger = np.maximum(np.abs(first), np.abs(second))
+    equivalence = float(np.mean(np.abs(first - second) <= larger * (region / (1.0 + region))))
+    ends = None if ratio is None else np.quantile(ratio, [1.0 - DECIDED, DECIDED]).tolist()
     return Contrast(
-        quantity=reading.quantity,
-        first=interval(first),
-        second=interval(second),
-        unit=reading.unit,
-        difference=interval(first - second),
-        ratio=interval(first / second) if positive else None,
-        direction=direction,
-        equivalence=equivalence,
-        answer=answer(direction, equivalence),
-        group=reading.group,
-        extrapolated=reading.extrapolated,
-        ratio95=_decisive(first / second) if positive else None,
-    )
-
-
-def _decisive(ratios: np.ndarray) -> tuple[float, float]:
-    """Return the ends between which the ratio lies with the probability that decides."""
-    low, high = np.quantile(ratios, [1.0 - DECIDED, DECIDED])
-    return float(low), float(high)
+        quantity=reading.quantity, first=interval(first), second=interval(second),
+        unit=reading.unit, difference=interval(first - second),
+        ratio=None if ratio is None else interval(ratio), direction=direction,
+        equivalence=equivalence, answer=answer(direction, equivalence), group=reading.group,
+        extrapolated=reading.extrapolated, ratio95=None if ends is None else tuple(ends),
+    )  # fmt: skip
 
 
 def interval(draws: np.ndarray) -> Interval:
     """Return the median and the central 90 % interval."""
     tail = 0.5 * (1.0 - SHARE)
-    low, median, high = np.quantile(draws, [tail, 0.5, 1.0 - tail])
-    return Interval(float(median), float(low), float(high))
-
-
-def alike(first: np.ndarray, second: np.ndarray, region: float) -> np.ndarray:
-    """Return whether the ratio lies within 1/(1 + region) .. 1 + region; two zeros do."""
-    larger = np.maximum(np.abs(first), np.abs(second))
-    return np.abs(first - second) <= larger * (region / (1.0 + region))
+    low, median, high = np.quantile(draws, [tail, 0.5, 1.0 - tail]).tolist()
+    return Interval(median, low, high)
 
 
 def answer(direction: float, equivalence: float) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import jax
 import numpy as np
@@ -31,14 +31,13 @@ _NEAR = 1.05  # of a range, that still counts as inside it
 
 @dataclass(frozen=True)
 class ReadingSettings:
-    """Values at which quantities are read, as in `ReadAt`, and the tests' ranges, if known."""
+    """Values at which quantities are read, as in `ReadAt`, and what all tests cover, if known."""
 
     depth: float
     rates: tuple[float, ...]
     frequencies: tuple[float, ...]
     hold: float
-    reach: Covered
-    known: bool
+    reach: Covered | None
 
     @property
     def after(self) -> float:
@@ -54,20 +53,15 @@ class ReadingSettings:
         ramp = self.depth / max(self.rates)
         return self.hold > self.after or ramp > _STEP * self.hold
 
-    @property
-    def deeper(self) -> bool:
-        """True if the depth is beyond a pad's tests."""
-        return self.known and self.depth > _NEAR * self.reach.depth
-
-    def outside_rates(self, rate: float) -> bool:
-        """Return whether a speed is beyond a pad's tests."""
+    def beyond(self, rate: float | None = None, frequency: float | None = None) -> bool:
+        """Return whether the depth, a speed or a frequency is beyond a pad's tests."""
         reach = self.reach
-        return self.known and not reach.slowest / _NEAR <= rate <= _NEAR * reach.fastest
-
-    def outside_frequencies(self, frequency: float) -> bool:
-        """Return whether a frequency is beyond a pad's tests."""
-        low, high = _band(self.reach)
-        return self.known and not low / _NEAR <= frequency <= _NEAR * high
+        if reach is None:
+            return False
+        ranges = [(self.depth, 0.0, reach.depth)]
+        ranges += [] if rate is None else [(rate, reach.slowest, reach.fastest)]
+        ranges += [] if frequency is None else [(frequency, *_band(reach))]
+        return not all(low / _NEAR <= value <= _NEAR * high for value, low, high in ranges)
 
     @property
     def as_record(self) -> ReadAt:
@@ -82,35 +76,31 @@ def choose(
     frequencies: Sequence[float] | None = None,
 ) -> ReadingSettings:
     """Return what was asked for, else a depth, three speeds and frequencies inside all tests."""
-    known = [reach for reach in reaches if reach is not None]
-    reach = _common(known) if known else _UNKNOWN
-    for what, values in (("depth", [depth]), ("rate", rates), ("frequency", frequencies)):
+    asked = {"depth": [] if depth is None else [depth], "rate": rates, "frequency": frequencies}
+    for what, values in asked.items():
         for number in values or ():
-            if number is not None and not (math.isfinite(number) and number > 0.0):
+            if not (math.isfinite(number) and number > 0.0):
                 raise InputError(f"{what} {number:g} is not above 0", remedy="give a positive one")
+    known = [asdict(reach) for reach in reaches if reach is not None]
+    ends = {"slowest": max, "quickest": max}  # of what all cover; of everything else the least
+    common = (
+        Covered(**{key: ends.get(key, min)(one[key] for one in known) for key in known[0]})
+        if known
+        else None
+    )
+    reach = common or _UNKNOWN
+    series = _series(reach.slowest, reach.fastest)
     return ReadingSettings(
         depth=_round_below(reach.depth) if depth is None else float(depth),
-        rates=tuple(map(float, rates or _spread(reach.slowest, reach.fastest))),
+        rates=tuple(map(float, rates or sorted({series[0], series[len(series) // 2], series[-1]}))),
         frequencies=tuple(map(float, frequencies or _series(*_band(reach)))),
         hold=float(f"{reach.hold:.2g}"),
-        reach=reach,
-        known=bool(known),
-    )
-
-
-def _common(reaches: Sequence[Covered]) -> Covered:
-    """Return the ranges that all of them cover."""
-    return Covered(
-        depth=min(reach.depth for reach in reaches),
-        slowest=max(reach.slowest for reach in reaches),
-        fastest=min(reach.fastest for reach in reaches),
-        quickest=max(reach.quickest for reach in reaches),
-        hold=min(reach.hold for reach in reaches),
-        tests=min(reach.tests for reach in reaches),
+        reach=common,
     )
 
 
 def _band(reach: Covered) -> tuple[float, float]:
+    """Return the frequencies (Hz) between which tests show a response."""
     return 1.0 / reach.hold, 0.25 / reach.quickest
 
 
@@ -128,12 +118,6 @@ def _series(low: float, high: float) -> list[float]:
     return inside or [float(f"{math.sqrt(low * high):.2g}")]
 
 
-def _spread(low: float, high: float) -> list[float]:
-    """Return slowest, middle and fastest of the series."""
-    series = _series(low, high)
-    return sorted({series[0], series[len(series) // 2], series[-1]})
-
-
 RAMP_POINTS = 129
 HOLD_POINTS = 193
 _DECADES = 6  # that the points of a hold span
@@ -142,7 +126,6 @@ CYCLES, REST_CYCLES = 3, 1
 PIECES = 96  # of a cycle
 AMPLITUDE = 0.01  # of a small oscillation, over the depth
 
-BURST = slice(RAMP_POINTS + HOLD_POINTS, None)
 _INSTANT = 1e-6  # s, in which a step is made
 
 
@@ -155,21 +138,10 @@ class Course:
     velocity: np.ndarray
 
 
-def step_hold(depth: float, duration: float) -> Course:
-    """Return a step of 1 us to ``depth`` (mm), then rest for ``duration`` (s)."""
-    return ramp_hold(depth, depth / _INSTANT, duration)
-
-
 def ramp_hold(depth: float, speed: float, duration: float) -> Course:
     """Return a ramp from contact to ``depth`` (mm) at ``speed`` (mm/s), then rest (s)."""
     up = ramp(0.0, 0.0, depth, speed)
     return joined([up, hold(up.time[-1], depth, duration)])
-
-
-def cycle(depth: float, speed: float) -> Course:
-    """Return a ramp from contact to ``depth`` and back at one speed."""
-    up = ramp(0.0, 0.0, depth, speed)
-    return joined([up, ramp(up.time[-1], depth, 0.0, speed)])
 
 
 def oscillation(
@@ -184,11 +156,6 @@ def oscillation(
     time = before.time[-1] + _with_middles(phase) / frequency
     burst = Course(time, depth + _with_middles(swing), np.repeat(speeds, 2)[:-1])
     return joined([before, burst])
-
-
-def middles(values: np.ndarray) -> np.ndarray:
-    """Return the values (..., N) of an oscillation at the middles of the burst's pieces."""
-    return values[..., BURST][..., 1::2]
 
 
 def _with_middles(ends: np.ndarray) -> np.ndarray:
@@ -252,34 +219,30 @@ def readings(settings: ReadingSettings, units: UnitSystem) -> list[Reading]:
     depth = f"{settings.depth:g} {units.displacement}"
     depth = f"strain {settings.depth:g}" if units.dimensionless else depth
     per = "/s" if units.dimensionless else f" {units.speed}"
-    energy = units.energy
-    deep, force = settings.deeper, units.force_name
-    quantities = [
+    held = f"{settings.after:g} s of a hold at {depth}"
+    force, deep = units.force_name, settings.beyond()
+    rates = [(f"{rate:g}{per}", settings.beyond(rate)) for rate in settings.rates]
+    far = settings.beyond(max(settings.rates))
+    relaxed = Reading(f"relaxed {force} at {depth}", units.force, "force", deep)
+    return [
         Reading(f"instantaneous stiffness at {depth}", units.stiffness, "stiffness", deep),
         Reading(f"relaxed stiffness at {depth}", units.stiffness, "stiffness", deep),
+        *(Reading(f"peak {force} at {r}", units.force, "force", x, not x) for r, x in rates),
+        *([relaxed] if settings.relaxes_further else []),
+        Reading(f"{force} after {held}", units.force, "force", far, not far),
+        Reading(f"half-relaxation time at {depth}", "s", "relaxation", deep),
+        Reading(f"share lost in {held}", "1", "relaxation", far, not far),
+        *(Reading(f"energy lost in a cycle at {r}", units.energy, "energy", x) for r, x in rates),
+        *(
+            Reading(
+                f"loss tangent at {f:g} Hz about {depth}",
+                "1",
+                "loss tangent",
+                settings.beyond(frequency=f),
+            )
+            for f in settings.frequencies
+        ),
     ]
-    for rate in settings.rates:
-        far = deep or settings.outside_rates(rate)
-        quantities.append(
-            Reading(f"peak {force} at {rate:g}{per}", units.force, "force", far, not far)
-        )
-    if settings.relaxes_further:
-        quantities.append(Reading(f"relaxed {force} at {depth}", units.force, "force", deep))
-    held = f"{settings.after:g} s of a hold at {depth}"
-    far = deep or settings.outside_rates(max(settings.rates))
-    quantities.append(Reading(f"{force} after {held}", units.force, "force", far, not far))
-    quantities.append(Reading(f"half-relaxation time at {depth}", "s", "relaxation", deep))
-    quantities.append(Reading(f"share lost in {held}", "1", "relaxation", far, not far))
-    for rate in settings.rates:
-        far = deep or settings.outside_rates(rate)
-        quantities.append(
-            Reading(f"energy lost in a cycle at {rate:g}{per}", energy, "energy", far)
-        )
-    for frequency in settings.frequencies:
-        far = deep or settings.outside_frequencies(frequency)
-        name = f"loss tangent at {frequency:g} Hz about {depth}"
-        quantities.append(Reading(name, "1", "loss tangent", far))
-    return quantities
 
 
 def read(models: Model, settings: ReadingSettings) -> np.ndarray:
@@ -287,8 +250,11 @@ def read(models: Model, settings: ReadingSettings) -> np.ndarray:
     depth, rest = settings.depth, settings.hold
     fastest = max(settings.rates)
     instant, relaxed, force = _stiffness(models, depth, rest)
-    cycles = [cycle(depth, rate) for rate in settings.rates]
-    loops = [(course, forces(models, course)) for course in cycles]
+    loops = []
+    for rate in settings.rates:
+        up = ramp(0.0, 0.0, depth, rate)
+        both = joined([up, ramp(up.time[-1], depth, 0.0, rate)])
+        loops.append((both, forces(models, both)))
     course = ramp_hold(depth, fastest, rest)
     held = forces(models, course)[:, RAMP_POINTS:]
     clock = course.time[RAMP_POINTS:] - course.time[RAMP_POINTS]
@@ -301,7 +267,7 @@ def read(models: Model, settings: ReadingSettings) -> np.ndarray:
         after,
         _half_time(held, clock),
         1.0 - after / held[:, 0],
-        *(np.trapezoid(loop, course.depth) for course, loop in loops),
+        *(np.trapezoid(loop, both.depth) for both, loop in loops),
         *(_loss_tangent(models, depth, fastest, rest, f) for f in settings.frequencies),
     ]
     return np.stack(columns, axis=-1)
@@ -324,9 +290,9 @@ def _stiffness(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return instantaneous and relaxed slope of the force after a step, and relaxed force."""
     after = [RAMP_POINTS, -1]  # just after the step, after the hold
-    less, more = (
-        forces(models, step_hold(depth * (1.0 + x), rest))[:, after] for x in (-_CLOSE, _CLOSE)
-    )
+    depths = [depth * (1.0 + x) for x in (-_CLOSE, _CLOSE)]
+    steps = [ramp_hold(one, one / _INSTANT, rest) for one in depths]
+    less, more = (forces(models, step)[:, after] for step in steps)
     slopes = (more - less) / (2.0 * _CLOSE * depth)
     return slopes[:, 0], slopes[:, 1], 0.5 * (more + less)[:, 1]
 
@@ -348,8 +314,9 @@ def _loss_tangent(
     """Return the loss tangent from half the difference of two opposite oscillations."""
     size = AMPLITUDE * depth
     up, down = (oscillation(depth, rate, rest, frequency, s) for s in (size, -size))
-    swing = middles(forces(models, up) - forces(models, down))
-    moved = middles(up.depth - down.depth)
-    wave = np.exp(-2j * np.pi * frequency * middles(up.time))
+    middles = slice(RAMP_POINTS + HOLD_POINTS + 1, None, 2)  # of the burst's pieces
+    swing = (forces(models, up) - forces(models, down))[:, middles]
+    moved = (up.depth - down.depth)[middles]
+    wave = np.exp(-2j * np.pi * frequency * up.time[middles])
     modulus = (swing @ wave) / (moved @ wave)
     return modulus.imag / modulus.real

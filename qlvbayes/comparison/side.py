@@ -84,9 +84,8 @@ class Side:
             return self
         by = factors(self.choices, self.constants, self.units, units)
         draws = np.stack([x * by[name] for name, x in self.constants.items()], axis=-1)
-        reach = (
-            self.reach.times(self.units.factor_to(units, "displacement")) if self.reach else None
-        )
+        by_length = self.units.factor_to(units, "displacement")
+        reach = None if self.reach is None else self.reach.times(by_length)
         return replace(self, draws=draws, units=units, reach=reach)
 
     @property
@@ -106,8 +105,7 @@ class Side:
         """Return the side with at most ``count`` draws, evenly spaced; one is their mean."""
         if count == 1:
             return replace(self, draws=self.draws.mean(axis=0, keepdims=True))
-        indices = np.linspace(0, len(self.draws) - 1, min(count, len(self.draws)))
-        return replace(self, draws=self.draws[indices.astype(int)])
+        return replace(self, draws=_some(self.draws, count))
 
     @cached_property
     def lasting(self) -> np.ndarray | None:
@@ -130,8 +128,8 @@ def side_of(source: Source, name: str) -> Side:
     if isinstance(source, Fit):
         tests, fitted = source.experiment, tuple(trial.name for trial in source.trials)
         known = tests.units, covered(tests), tests.fluid, fitted, source.enough
-        draws = source.constants.reshape(-1, len(source.names))
-        return Side(source.pad, tuple(source.names), _some(draws), source.choices, *known)
+        draws = _some(source.constants.reshape(-1, len(source.names)))
+        return Side(source.pad, tuple(source.names), draws, source.choices, *known)
     if isinstance(source, Saved):
         stated = source.units, source.covered, source.fluid, source.fitted, source.converged
         return Side(source.pad, source.names, _some(source.draws), source.choices, *stated)
@@ -139,62 +137,51 @@ def side_of(source: Source, name: str) -> Side:
     choices = infer_choices(given)
     names = tuple(wanted_names(choices, given))
     check_draws(choices, {key: given[key] for key in names})
-    draws = np.stack([given[key] for key in names], axis=-1)
-    return Side(name, names, _some(draws), choices, PAD)
+    return Side(name, names, _some(np.stack([given[k] for k in names], axis=-1)), choices, PAD)
 
 
-def _some(draws: np.ndarray) -> np.ndarray:
-    if len(draws) <= MOST_DRAWS:
-        return draws
-    return draws[np.linspace(0, len(draws) - 1, MOST_DRAWS).astype(int)]
+def _some(draws: np.ndarray, count: int = MOST_DRAWS) -> np.ndarray:
+    """Return at most ``count`` draws, evenly out of all."""
+    return draws[np.linspace(0, len(draws) - 1, min(count, len(draws))).astype(int)]
 
 
 def unheld_times(sides: Sequence[Side]) -> list[str]:
     """Return sentences on relaxation times of a pad that another's tests do not hold."""
     unheld = []
     for side, other in permutations(sides, 2):
-        if side.reach is None or other.reach is None:
+        own, others = side.reach, other.reach
+        if own is None or others is None:
             continue
         mean = jax.tree.map(lambda leaf: leaf[0], side.some(1).models.relaxation)
         for name, value in mean.times().items():
             time = float(value)
-            longer = side.reach.hold > _LONGER * other.reach.hold
-            quicker = _LONGER * side.reach.quickest < other.reach.quickest
-            if longer and time > other.reach.hold:
-                unheld.append(
-                    f"{name} of {side.name} is {plain(time, 2)} s, and {other.name} was held for "
-                    f"{plain(other.reach.hold, 2)} s"
-                )
-            elif quicker and time < _WITHIN * other.reach.quickest:
-                unheld.append(
-                    f"{name} of {side.name} is {plain(time, 2)} s, and the quickest ramp of "
-                    f"{other.name} "
-                    f"took {plain(other.reach.quickest, 2)} s"
-                )
+            text = f"{name} of {side.name} is {plain(time, 2)} s, and"
+            if own.hold > _LONGER * others.hold and time > others.hold:
+                unheld.append(f"{text} {other.name} was held for {plain(others.hold, 2)} s")
+            elif _LONGER * own.quickest < others.quickest and time < _WITHIN * others.quickest:
+                took = f"took {plain(others.quickest, 2)} s"
+                unheld.append(f"{text} the quickest ramp of {other.name} {took}")
     return unheld
 
 
 def shared_constants(sides: Sequence[Side]) -> list[Reading]:
-    """Return constants that mean the same in all models and vary in one at least."""
+    """Return constants that mean the same in all models and vary in one at least.
+
+    They mean the same where they are of one law, or one effect, in all models.
+    """
     first = sides[0]
+    elastic = find_elastic(first.choices.elastic, first.choices.laws).units
     shared = []
     for name, kind in first.kinds.items():
-        everywhere = all(name in side.kinds for side in sides)
-        if not everywhere or not _means_the_same(sides, name):
-            continue
-        if any(np.ptp(side.constants[name]) > 0.0 for side in sides):
+        laws = [
+            side.choices.elastic if name.split("[")[0] in elastic else side.relaxation
+            for side in sides
+        ]
+        same = all(name in side.kinds for side in sides) and ("." in name or len(set(laws)) == 1)
+        if same and any(np.ptp(side.constants[name]) > 0.0 for side in sides):
             group = "effects" if "." in name else "constants"
             shared.append(Reading(name, first.units.of(kind), group, False))
     return shared
-
-
-def _means_the_same(sides: Sequence[Side], name: str) -> bool:
-    """Return whether a constant is of one law, or one effect, in all models."""
-    first = sides[0].choices
-    of_elastic = name.split("[")[0] in find_elastic(first.elastic, first.laws).units
-    return (
-        "." in name or len({s.choices.elastic if of_elastic else s.relaxation for s in sides}) == 1
-    )
 
 
 def lasting_shares(sides: Sequence[Side], shared: Sequence[Reading]) -> list[Reading]:

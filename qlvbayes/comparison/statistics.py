@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,6 +17,16 @@ from qlvbayes.comparison.contrast import Contrast, Omnibus
 FALSE_ALARMS = 0.01  # share of equal pairs that are called different
 _LEAST = 1e-6  # fraction below which its logarithm is cut
 _FRACTION = re.compile(r"c\[(\d+)\]")
+SPREAD = 0.3  # scale of the prior of the spread between specimens, relative
+DRAWS = 4000  # of a fluid's own value
+_POINTS = 2000  # of the grid of the spread
+
+
+class Specimens(NamedTuple):
+    """Posterior means and sds (n,) of one quantity of the specimens of one fluid."""
+
+    mean: np.ndarray
+    sd: np.ndarray
 
 
 def joint_test(first: Mapping[str, np.ndarray], second: Mapping[str, np.ndarray]) -> Omnibus | None:
@@ -44,13 +54,13 @@ def joint_test(first: Mapping[str, np.ndarray], second: Mapping[str, np.ndarray]
     return Omnibus(statistic, len(names), p_value, FALSE_ALARMS)
 
 
-def smallest_tail(contrasts: Sequence[Contrast], draws: int) -> Omnibus | None:
+def smallest_tail(contrasts: Sequence[Contrast], over: str) -> Omnibus | None:
     """Return the smallest two-sided probability of a wrong direction, times their number."""
     if not contrasts:
         return None
     tails = [min(c.direction, 1.0 - c.direction) for c in contrasts]
-    smallest = max(min(tails), 0.5 / draws)
-    return Omnibus(None, len(tails), min(1.0, 2.0 * smallest * len(tails)), FALSE_ALARMS)
+    smallest = max(min(tails), 0.5 / DRAWS)
+    return Omnibus(None, len(tails), min(1.0, 2.0 * smallest * len(tails)), FALSE_ALARMS, over)
 
 
 def _coordinates(
@@ -61,29 +71,12 @@ def _coordinates(
     for name, values in draws.items():
         if _FRACTION.fullmatch(name):
             if name != "c[0]":
-                coordinates[name] = _log(values) - _log(draws["c[0]"])
-        elif all(np.min(side[name]) > 0.0 for side in both):
-            coordinates[name] = np.log(values)
+                share, lasting = np.maximum([values, draws["c[0]"]], _LEAST)
+                coordinates[name] = np.log(share) - np.log(lasting)
         else:
-            coordinates[name] = np.asarray(values)
+            positive = all(np.min(side[name]) > 0.0 for side in both)
+            coordinates[name] = np.log(values) if positive else np.asarray(values)
     return coordinates
-
-
-def _log(fraction: np.ndarray) -> np.ndarray:
-    return np.log(np.maximum(fraction, _LEAST))
-
-
-SPREAD = 0.3  # scale of the prior of the spread between specimens, relative
-DRAWS = 4000
-_POINTS = 2000
-
-
-@dataclass(frozen=True)
-class Specimens:
-    """Posterior means and sds (n,) of one quantity of the specimens of one fluid."""
-
-    mean: np.ndarray
-    sd: np.ndarray
 
 
 def fluid_draws(

@@ -10,7 +10,6 @@ from qlvbayes.comparison.readings import Reading, ReadingSettings
 from qlvbayes.comparison.side import Side, fixed_constants
 from qlvbayes.io.wording import plain
 
-_FRACTION = "1"
 _TESTS = {
     ("pads", "constants"): "joint test of all shared constants",
     ("fluids", "constants"): "smallest tail of the shared constants, corrected for their number",
@@ -22,66 +21,67 @@ _SHARED = {"constants": "in every shared constant", "shown": "in all that both t
 
 def paragraphs(comparison: Comparison) -> list[str]:
     """Return the answer: whether they differ, each quantity, and the limits of the comparison."""
-    return [
-        _verdict(comparison),
-        *_relaxation(comparison),
-        *_listed(comparison),
-        _chance(comparison),
-        *(_sentence(notice) for notice in comparison.notices),
-    ]
+    one, _ = comparison.names
+    # the paper's table gives the relaxation rates as equal for both fluids
+    rates = [c for c in comparison.of_group("constants") if c.quantity.startswith("v[")]
+    lines = [_verdict(comparison)]
+    if rates:
+        lines.append(f"Relaxation rates: {'; '.join(_one(c, comparison) for c in rates)}.")
+    texts = {
+        "greater": f"Greater in {one}",
+        "less": f"Less in {one}",
+        "equal": f"Equal within {100 * comparison.region:g} %",
+        "cannot tell": "Cannot tell",
+    }
+    for answer, text in texts.items():
+        chosen = [c for c in comparison.contrasts if c.answer == answer]
+        lines += [f"{text}: {', '.join(map(_brief, chosen))}."] if chosen else []
+    different = sum(c.answer in ("greater", "less") for c in comparison.contrasts)
+    lines.append(
+        f"{different} of {len(comparison.contrasts)} quantities are called different one by one; "
+        f"were the two equal in all of them, up to {comparison.by_chance:.1f} would be by chance "
+        f"({100 * BY_CHANCE:g} % each). Whether they differ at all is therefore judged by the "
+        "joint test above."
+    )
+    return [*lines, *(f"{notice[0].upper()}{notice[1:]}." for notice in comparison.notices)]
 
 
 def _verdict(comparison: Comparison) -> str:
     one, other = comparison.names
-    region = f"{100 * comparison.region:g} %"
-    if comparison.differ is None and comparison.omnibus is None:
+    region, omnibus = f"{100 * comparison.region:g} %", comparison.omnibus
+    if omnibus is None:
         return (
             f"Cannot tell whether {one} and {other} differ as a whole: they share no constant that "
             "a joint test could compare. One by one:"
         )
+    p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
+    test = (
+        f"({_TESTS[comparison.between, omnibus.over]}, {p_value}; {100 * omnibus.false_alarms:g} % "
+        "of equal pairs would be called different)"
+    )
     if comparison.differ:
-        return f"Yes: {one} and {other} differ ({_test(comparison)}).{_most(comparison, region)}"
+        return f"Yes: {one} and {other} differ {test}.{_most(comparison, region)}"
     if comparison.differ is None:
         return (
-            f"Cannot tell whether {one} and {other} differ: no difference is shown "
-            f"({_test(comparison)}), but the intervals are too wide to call them equal within "
-            f"{region}."
+            f"Cannot tell whether {one} and {other} differ: no difference is shown {test}, but the "
+            f"intervals are too wide to call them equal within {region}."
         )
-    assert comparison.omnibus is not None
     return (
-        f"No: {one} and {other} are equal within {region} {_SHARED[comparison.omnibus.over]}, and "
-        f"no difference is shown ({_test(comparison)})."
+        f"No: {one} and {other} are equal within {region} {_SHARED[omnibus.over]}, and no "
+        f"difference is shown {test}."
     )
-
-
-def _test(comparison: Comparison) -> str:
-    omnibus = comparison.omnibus
-    assert omnibus is not None
-    p_value = f"p = {omnibus.p_value:.2g}" if omnibus.p_value >= 1e-4 else "p < 0.0001"
-    level = 100 * omnibus.false_alarms
-    test = _TESTS[comparison.between, omnibus.over]
-    return f"{test}, {p_value}; {level:g} % of equal pairs would be called different"
 
 
 def _most(comparison: Comparison, region: str) -> str:
     """Name the quantity that differs most."""
-    apart = [c for c in comparison.contrasts if c.answer in ("greater", "less") and c.ratio]
     if all(c.answer == "equal" for c in comparison.contrasts):
         return f" Yet every quantity is equal within {region}: the difference is real but small."
-    if not apart:
+    apart = [c for c in comparison.contrasts if c.answer in ("greater", "less")]
+    ratios = {c.quantity: c.ratio for c in apart if c.ratio}
+    if not ratios:
         return ""
-    one, other = comparison.names
-    most = max(apart, key=lambda c: abs(log(c.ratio.median)) if c.ratio else 0.0)
-    ratio = with_interval(most.ratio) if most.ratio else ""
-    return f" Most of all in {most.quantity}: {one}'s is {ratio} times {other}'s."
-
-
-def _relaxation(comparison: Comparison) -> list[str]:
-    """Describe the relaxation rates, which the paper's table gives as equal for both fluids."""
-    rates = [c for c in comparison.of_group("constants") if c.quantity.startswith("v[")]
-    if not rates:
-        return []
-    return [f"Relaxation rates: {'; '.join(_one(c, comparison) for c in rates)}."]
+    (one, other), most = comparison.names, max(ratios, key=lambda k: abs(log(ratios[k].median)))
+    return f" Most of all in {most}: {one}'s is {with_interval(ratios[most])} times {other}'s."
 
 
 def _one(c: Contrast, comparison: Comparison) -> str:
@@ -102,40 +102,14 @@ def _one(c: Contrast, comparison: Comparison) -> str:
     return f"{values} ({one}, {other}){ratio}: {answers[c.answer]}"
 
 
-def _listed(comparison: Comparison) -> list[str]:
-    one, _ = comparison.names
-    texts = {
-        "greater": f"Greater in {one}",
-        "less": f"Less in {one}",
-        "equal": f"Equal within {100 * comparison.region:g} %",
-        "cannot tell": "Cannot tell",
-    }
-    lines = []
-    for answer, text in texts.items():
-        chosen = [c for c in comparison.contrasts if c.answer == answer]
-        if chosen:
-            lines.append(f"{text}: {', '.join(_brief(c) for c in chosen)}.")
-    return lines
-
-
 def _brief(c: Contrast) -> str:
     if c.ratio is None:
         return f"{c.quantity} (difference {with_interval(c.difference)}{_unit(c.unit)})"
     return f"{c.quantity} (x {with_interval(c.ratio)})"
 
 
-def _chance(comparison: Comparison) -> str:
-    count = len(comparison.contrasts)
-    different = sum(c.answer in ("greater", "less") for c in comparison.contrasts)
-    return (
-        f"{different} of {count} quantities are called different one by one; were the two equal in "
-        f"all of them, up to {comparison.by_chance:.1f} would be by chance ({100 * BY_CHANCE:g} % "
-        "each). Whether they differ at all is therefore judged by the joint test above."
-    )
-
-
 def _unit(unit: str) -> str:
-    return "" if unit == _FRACTION else f" {unit}"
+    return "" if unit == "1" else f" {unit}"
 
 
 def _share(probability: float) -> str:
@@ -143,10 +117,6 @@ def _share(probability: float) -> str:
     if probability > 0.999:
         return "> 99.9 %"
     return "< 0.1 %" if probability < 0.001 else f"{100 * probability:.1f} %"
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."
 
 
 def notices(
@@ -160,7 +130,14 @@ def notices(
 ) -> Iterator[str]:
     """Yield one sentence on each limit of the comparison."""
     sides = [*groups[0], *groups[1]]
-    yield from _specimens(groups, labels)
+    if min(map(len, groups)) == 1:
+        yield (
+            "one specimen each: how much specimens of one kind differ is not known, so that this "
+            "compares two pads, not what fills them"
+        )
+    else:
+        for label, group in zip(labels, groups, strict=True):
+            yield f"{label}: {len(group)} specimens ({', '.join(side.name for side in group)})"
     if apart:
         yield (
             f"the tests do not hold each other's relaxation times ({'; '.join(apart[:3])}): "
@@ -168,23 +145,27 @@ def notices(
         )
     else:
         yield from _models(sides, shared)
-    yield from _fits(sides)
-    yield from _reach(sides, settings, contrasts)
+    for side in sides:
+        if not side.converged:
+            yield f"the sampling of {side.name} did not converge"
+        if side.reach and side.fitted and len(side.fitted) < side.reach.tests:
+            yield (
+                f"{side.name} was fitted to {', '.join(side.fitted)} of {side.reach.tests} tests: "
+                "at other speeds its model predicts"
+            )
+    if settings.reach is None:
+        yield "the tests are not known: whether a quantity lies beyond them cannot be said"
+    else:
+        if unknown := [side.name for side in sides if side.reach is None]:
+            yield f"the tests of {', '.join(unknown)} are not known"
+        yield (
+            "instantaneous stiffness is that of an infinitely fast step; the quickest ramp of "
+            f"these tests took {plain(settings.reach.quickest, 2)} s"
+        )
+        if beyond := [c.quantity for c in contrasts if c.extrapolated]:
+            yield f"beyond what the tests cover: {', '.join(beyond)}"
     if lost:
         yield f"no finite value, left out: {', '.join(lost)}"
-
-
-def _specimens(
-    groups: tuple[Sequence[Side], Sequence[Side]], labels: tuple[str, str]
-) -> Iterator[str]:
-    if min(map(len, groups)) == 1:
-        yield (
-            "one specimen each: how much specimens of one kind differ is not known, so that this "
-            "compares two pads, not what fills them"
-        )
-        return
-    for label, group in zip(labels, groups, strict=True):
-        yield f"{label}: {len(group)} specimens ({', '.join(side.name for side in group)})"
 
 
 def _models(sides: Sequence[Side], shared: Sequence[Reading]) -> Iterator[str]:
@@ -196,15 +177,16 @@ def _models(sides: Sequence[Side], shared: Sequence[Reading]) -> Iterator[str]:
             f"only {' and '.join(have)} was fitted with {effect}: its constants are not compared, "
             "and the other constants belong to different models"
         )
-    if len({side.choices.relaxation for side in sides}) > 1:
+    chosen = [side.choices for side in sides]
+    if len({one.relaxation for one in chosen}) > 1:
         yield "different relaxations: their constants are not compared"
-    elif len({side.choices.relaxing for side in sides}) > 1:
+    elif len({one.relaxing for one in chosen}) > 1:
         yield "different numbers of relaxation modes: c and v are not compared"
     elif len({side.relaxation for side in sides}) > 1:
         yield "different effects on the relaxation: c and v are not compared"
-    if len({side.choices.elastic for side in sides}) > 1:
+    if len({one.elastic for one in chosen}) > 1:
         yield "different elastic laws: their constants are not compared"
-    if len({side.choices.bonded for side in sides}) > 1:
+    if len({one.bonded for one in chosen}) > 1:
         yield "one is bonded and the other loose"
     if rig := sorted({effect for side in sides for effect in side.left_out}):
         yield f"of the rig, not of the pad, and left out: {', '.join(rig)}"
@@ -212,31 +194,3 @@ def _models(sides: Sequence[Side], shared: Sequence[Reading]) -> Iterator[str]:
         yield f"fixed, not fitted, and not compared: {', '.join(fixed)}"
     if not shared:
         yield "no constant is shared: there is no joint test"
-
-
-def _fits(sides: Sequence[Side]) -> Iterator[str]:
-    for side in sides:
-        if not side.converged:
-            yield f"the sampling of {side.name} did not converge"
-        if side.reach and side.fitted and len(side.fitted) < side.reach.tests:
-            yield (
-                f"{side.name} was fitted to {', '.join(side.fitted)} of {side.reach.tests} tests: "
-                "at other speeds its model predicts"
-            )
-
-
-def _reach(
-    sides: Sequence[Side], settings: ReadingSettings, contrasts: Sequence[Contrast]
-) -> Iterator[str]:
-    if not settings.known:
-        yield "the tests are not known: whether a quantity lies beyond them cannot be said"
-        return
-    unknown = [side.name for side in sides if side.reach is None]
-    if unknown:
-        yield f"the tests of {', '.join(unknown)} are not known"
-    yield (
-        "instantaneous stiffness is that of an infinitely fast step; the quickest ramp of these "
-        f"tests took {plain(settings.reach.quickest, 2)} s"
-    )
-    if beyond := [c.quantity for c in contrasts if c.extrapolated]:
-        yield f"beyond what the tests cover: {', '.join(beyond)}"

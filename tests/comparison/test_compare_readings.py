@@ -15,7 +15,7 @@ from qlvbayes.simulate import TABLE_1, Constants
 
 REACH = Covered(depth=1.6, slowest=0.1, fastest=30.0, quickest=0.06, hold=30.0, tests=6)
 DEPTH, RATES, FREQUENCIES, HOLD = 1.5, (0.1, 1.0, 30.0), (0.05, 0.3, 1.0, 5.0), 31.0
-SETTINGS = ReadingSettings(DEPTH, RATES, FREQUENCIES, HOLD, REACH, known=True)
+SETTINGS = ReadingSettings(DEPTH, RATES, FREQUENCIES, HOLD, REACH)
 PADS = {
     **TABLE_1,
     "quick": Constants(1.0, 0.8, (0.1, 0.5, 0.4), (40.0, 2.0)),
@@ -220,7 +220,7 @@ def test_what_is_beyond_the_tests_is_called_an_extrapolation(asked, far):
 )
 def test_a_force_that_is_another_by_another_name_is_told_once(hold, fastest, both):
     """After a step and 30 s, and after the quickest ramp and 30 s, which is a step beside them."""
-    held = ReadingSettings(DEPTH, (0.1, fastest), (1.0,), hold, REACH, known=True)
+    held = ReadingSettings(DEPTH, (0.1, fastest), (1.0,), hold, REACH)
     names = [reading.quantity for reading in readings(held, PAD)]
     assert "force after 30 s of a hold at 1.5 mm" in names
     assert ("relaxed force at 1.5 mm" in names) == both
