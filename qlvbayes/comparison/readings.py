@@ -319,4 +319,6 @@ def _loss_tangent(
     moved = (up.depth - down.depth)[middles]
     wave = np.exp(-2j * np.pi * frequency * up.time[middles])
     modulus = (swing @ wave) / (moved @ wave)
-    return modulus.imag / modulus.real
+    with np.errstate(invalid="ignore"):  # no force is left to oscillate: not a number
+        loss: np.ndarray = modulus.imag / modulus.real
+    return loss
