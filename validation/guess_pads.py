@@ -8,6 +8,7 @@ that an interrupted run goes on where it was; the responses there depend on the 
 from __future__ import annotations
 
 import pickle
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -82,16 +83,22 @@ class GuessPad:
 
 
 def pads(run: str, count: int, seed: int) -> Iterator[GuessPad]:
-    """Return ``count`` pads, simulated where they are not stored; one in 10 is lifelike."""
+    """Return ``count`` pads, simulated where they are not stored; one in 10 is lifelike.
+
+    A pad that cannot be made or fitted is reported on standard error and left out.
+    """
     population = Registration.read(run).population
     cases = soonest(read_cases(run))
     for number in range(count):
         block, place = divmod(number, LIFELIKE_EVERY)
-        if place == LIFELIKE_EVERY - 1:
-            yield _stored("lifelike", block, partial(_lifelike, seed, block))
-        else:
+        name, index, make = "lifelike", block, partial(_lifelike, seed, block)
+        if place != LIFELIKE_EVERY - 1:
             case = cases[number - block]
-            yield _stored(run, case["index"], partial(_blind, population, case))
+            name, index, make = run, case["index"], partial(_blind, population, case)
+        try:
+            yield _stored(name, index, make)
+        except Exception as error:  # one pad of hundreds
+            print(f"{name} {index} is left out: {error}", file=sys.stderr)
 
 
 def soonest(cases: Sequence[Case]) -> list[Case]:

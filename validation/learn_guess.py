@@ -2,9 +2,9 @@
 
 `learn_guess.py --pads N --seed S -o FILE.json` simulates the first N pads of `guess_pads`, learns
 the weights of `qlvbayes/guess/guess.py` and writes them. Then each pad is guessed by what the other
-four fifths teach, and once more by what the pads of other programmes teach; with `--keep` these
-counts become validation/results/guess.json. N, S and the rules of the count are registered in
-validation/registered/guess.json before: pads with which the features were chosen are learnt from,
+four fifths teach, and once more by what the pads of other programmes teach; with `--keep NAME`
+these counts become validation/results/guess.json. N, S and the rules of the count are registered in
+validation/registered/NAME.json before: pads with which the features were chosen are learnt from,
 and not counted.
 
 What is asked of an effect is whether it, or a form of it, is hidden where the tests could show it.
@@ -266,7 +266,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pads", type=int, default=100, help="simulated pads to learn from")
     parser.add_argument("--seed", type=int, default=1, help="of lifelike pads, parts and draws")
-    parser.add_argument("--keep", action="store_true", help="keep the tables of what it is worth")
+    parser.add_argument("--keep", metavar="NAME", help="keep the tables of a registered count")
     parser.add_argument("-o", "--output", type=Path, required=True, help="file of the weights")
     options = parser.parse_args()
     origin = Origin.now() if options.keep else None  # before the weights are other ones
@@ -276,7 +276,7 @@ def main() -> int:
         options.output, to_builtins(weights_of(some, options.seed, dict(command))), indent=None
     )
     if origin:
-        registered = json.loads((FOLDER / "guess.json").read_text(encoding="utf-8"))
+        registered = json.loads((FOLDER / f"{options.keep}.json").read_text(encoding="utf-8"))
         if any(registered[key] != value for key, value in command.items()):
             sys.exit(f"registered are {registered}")
         developed = {tuple(key) for key in registered["developed"]}
